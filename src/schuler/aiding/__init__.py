@@ -1,0 +1,1 @@
+"""Navigation with help: filters, dead reckoning, smoothing."""

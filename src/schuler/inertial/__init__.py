@@ -1,0 +1,1 @@
+"""Navigation from inertia alone."""

@@ -1,0 +1,1 @@
+"""One module a source: its figures, ours, the verdict."""

@@ -1,0 +1,1 @@
+"""What really happens: missions, trajectories and the instruments that observe them."""

@@ -145,9 +145,9 @@ class Ellipsoid:
         """Small difference of two positions, (lat, lon, h) minus (lat0, lon0, h0), as NED metres (..., 3).
 
         (R_N + h) dlat, (R_E + h) cos(lat) dlon, -dh with radii, latitude and height half way, so that swapping the
-        points changes the sign only. dlon takes the short way round the antimeridian. The error against the tangent frame is
-        about d^2/2R in down (the Earth's curve) and grows as the third power of the distance in north and east: 1 mm at
-        10 km in middle latitudes. Not for use within some kilometres of a pole.
+        points changes the sign only. dlon takes the short way round the antimeridian. Lengths err as the third power
+        of the distance (8 mm at 10 km, latitude 60 deg); north is that half way, which differs from north at either
+        end by half the convergence of the meridians (there 15 m in 10 km). Not for use within kilometres of a pole.
         """
         p, l, z, p0, l0, z0 = (np.asarray(x, dtype=np.float64) for x in (lat, lon, h, lat0, lon0, h0))
         middle, height = 0.5 * (p + p0), 0.5 * (z + z0)

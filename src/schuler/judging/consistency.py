@@ -45,9 +45,9 @@ def nees(error: Array, cov: Array) -> Array:
     out = np.full(n, np.nan)
     if n == 0:
         return out
-    good = np.isfinite(error).all(axis=1) & np.isfinite(cov).all(axis=(1, 2))
+    good = np.asarray(np.isfinite(error).all(axis=1) & np.isfinite(cov).all(axis=(1, 2)), dtype=bool)
     scale = np.sqrt(np.where(good[:, None], np.diagonal(cov, axis1=1, axis2=2), 1.0).clip(0.0))
-    good &= (scale > 0.0).all(axis=1)
+    good = np.asarray(good & (scale > 0.0).all(axis=1), dtype=bool)
     if not good.any():
         return out
     # scaled to a unit diagonal, so that metres beside millimetres do not spoil the inverse

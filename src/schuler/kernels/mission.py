@@ -12,14 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
-# WGS-84, Somigliana gravity (NIMA TR8350.2); kernels hold their own copies because they cannot see module objects.
-A = 6378137.0
-F = 1.0 / 298.257223563
-E2 = F * (2.0 - F)
-OMEGA = 7.292115e-5
-GAMMA_E = 9.7803253359
-GAMMA_K = 0.00193185265241
-GAMMA_M = 0.00344978650684
+from schuler.kernels.earth import earth_rate, gravity, radii
 
 # Profiles: each is a row of smooth steps, `before[i]` + `delta[i]` s((t - start[i]) / length[i]), never overlapping.
 HEADING, SPEED, PITCH, FADE, CURRENT_N, CURRENT_E, HEAVE = range(7)
@@ -60,14 +53,6 @@ def profile(p, t, offsets, hints, start, length, before, delta):
         s1 = 30.0 * u * u * w * w * r
         s2 = 60.0 * u * w * (w - u) * r * r
     return before[i] + delta[i] * s, delta[i] * s1, delta[i] * s2
-
-
-@njit(cache=True, error_model="numpy")
-def gravity_down(lat, h):
-    """Plumb-bob gravity, m/s^2, positive down: Somigliana times the contract's height terms."""
-    s2 = math.sin(lat) ** 2
-    g0 = GAMMA_E * (1.0 + GAMMA_K * s2) / math.sqrt(1.0 - E2 * s2)
-    return g0 * (1.0 - 2.0 * (1.0 + F + GAMMA_M - 2.0 * F * s2) * h / A + 3.0 * h * h / (A * A))
 
 
 @njit(cache=True, error_model="numpy")
@@ -151,9 +136,7 @@ def inertial(lat, h, m, out):
     """
     sl = math.sin(lat)
     cl = math.cos(lat)
-    x = 1.0 - E2 * sl * sl
-    re = A / math.sqrt(x)
-    rn = re * (1.0 - E2) / x
+    rn, re = radii(lat)
     vn, ve, vd = m[0], m[1], m[2]
     out[0] = vn / (rn + h)
     out[1] = ve / ((re + h) * cl)
@@ -161,15 +144,14 @@ def inertial(lat, h, m, out):
     en_n = ve / (re + h)
     en_e = -vn / (rn + h)
     en_d = -ve * sl / ((re + h) * cl)
-    ie_n = OMEGA * cl
-    ie_d = -OMEGA * sl
+    ie_n, ie_d = earth_rate(lat)
     # Coriolis and transport: (2 w_ie + w_en) x v
     wn = 2.0 * ie_n + en_n
     we = en_e
     wd = 2.0 * ie_d + en_d
     fn = m[3] + we * vd - wd * ve
     fe = m[4] + wd * vn - wn * vd
-    fd = m[5] + wn * ve - we * vn - gravity_down(lat, h)
+    fd = m[5] + wn * ve - we * vn - gravity(lat, h)
     sr, cr = math.sin(m[6]), math.cos(m[6])
     sp, cp = math.sin(m[7]), math.cos(m[7])
     sh, ch = math.sin(m[8]), math.cos(m[8])

@@ -8,10 +8,8 @@ says which is which.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -398,33 +396,3 @@ PAPER_IMU = replace(
     gyro_offset_deg_per_h=(0.0, 0.0, -0.053 * 3600.0),
     published=IMUS["3dm-gx3-25"].published | {"gyro_offset_deg_per_h"},
 )
-
-
-def imu_from_keys(keys: Mapping[str, Any], errors: Mapping[str, Any] | None = None) -> ImuModel:
-    """The IMU of a study's `[imu]` section (a preset or numbers, never both) and its fixed `[errors]`.
-
-    Raises StudyError with all faults.
-    """
-    keys = {k: v for k, v in keys.items() if k != "calibration"}
-    faults = []
-    preset = keys.pop("preset", None)
-    if preset is not None and keys:
-        faults.append(f"[imu] has preset = {preset!r} and numbers ({', '.join(keys)}): keep one or the other")
-    if preset is not None and preset not in IMUS:
-        faults.append(f"[imu] preset = {preset!r} is not known: type one of {', '.join(map(repr, IMUS))}")
-    known = {f.name for f in fields(ImuModel)} - {"name", "published"}
-    for key in keys:
-        if key not in known:
-            near = difflib.get_close_matches(key, known, 1)
-            faults.append(f"[imu] {key} is not known" + (f": did you mean {near[0]}?" if near else ""))
-    fixed = {"gyro_bias_deg_per_h": "gyro_offset_deg_per_h", "accel_bias_ug": "accel_offset_ug"}
-    changes: dict[str, Any] = {}
-    for key, value in (errors or {}).items():
-        if key not in fixed:
-            faults.append(f"[errors] {key} is not known: known keys are {', '.join(sorted(fixed))}")
-        else:
-            changes[fixed[key]] = tuple(value) if isinstance(value, list | tuple) else value
-    if faults:
-        raise StudyError(faults)
-    model = IMUS[preset] if preset is not None else ImuModel(**keys)
-    return replace(model, **changes)

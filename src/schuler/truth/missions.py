@@ -8,15 +8,15 @@ Depth is minus the height: the mean sea surface is the ellipsoid.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import pi, radians, sin
+from math import pi, radians
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.ground.errors import InputError, StudyError
+from schuler.ground.errors import InputError
 from schuler.truth.streams import stream
 
 Array = NDArray[np.float64]
@@ -138,6 +138,14 @@ class AuvMission:
     speed_scale: float = 0.0
     speed_scale_std: float = 0.0
     magnetic_field: tuple[float, float, float] = (27.59e-6, 2.51e-6, 39.57e-6)
+
+    def __post_init__(self) -> None:
+        times = (self.surface, self.dive, self.between or 0.0, self.final_surface)
+        if self.dives < 0 or not all(np.isfinite(times)) or min(times) < 0.0 or self.duration <= 0.0:
+            raise InputError(
+                f"mission {self.name!r} has {self.dives} dives and legs of {times} s (surface, dive, between, final): "
+                "they must not be negative, and the whole must last"
+            )
 
     @property
     def duration(self) -> float:
@@ -295,9 +303,8 @@ class Cursor:
         self.pos = motion.start()
         self.m = np.empty(15)
         self.q = np.empty(9)
-        offsets, *steps = motion.profiles
-        hints = offsets[:-1].copy()
-        self.parameters = (offsets, hints, *steps, motion.waves, motion.current)
+        offsets, start, length, before, delta = motion.profiles
+        self.parameters = (offsets, offsets[:-1].copy(), start, length, before, delta, motion.waves, motion.current)
         self.last = np.empty(kernel.GRID)
         kernel.begin(self.pos, *self.parameters, self.m, self.q, self.last)
 
@@ -335,7 +342,7 @@ def _profiles(m: AuvMission, walk: Array) -> tuple[NDArray[np.int64], Array, Arr
     heave: Steps = []
     dives = m.dive_intervals
     legs = np.concatenate([[0.0], dives[:-1, 1]]) if m.dives else np.zeros(0)
-    excess = _net_depth(m, m.dive) if m.dives else 0.0
+    excess = net_depth(m, m.dive) if m.dives else 0.0
     for (start, end), leg in zip(dives, legs, strict=True):
         if m.l_shape and start > leg:
             turn = min(20.0, 0.2 * (start - leg))
@@ -390,7 +397,7 @@ def _smooth(t: Array, start: float, length: float) -> Array:
     return np.asarray(u**3 * (10.0 - u * (15.0 - 6.0 * u)))
 
 
-def _net_depth(m: AuvMission, until: float) -> float:
+def net_depth(m: AuvMission, until: float) -> float:
     """Depth gained `until` seconds into a dive, waves left out (m, by Simpson's rule)."""
     n = 2 * max(100, round(until / 0.1))
     t = np.linspace(0.0, until, n + 1)
@@ -411,122 +418,3 @@ PRESETS: Mapping[str, AuvMission] = {
     "paper-test-1": AuvMission(name="paper-test-1"),
     "paper-test-2": AuvMission(name="paper-test-2", surface=62.0, dive=523.0),
 }
-
-
-def mission_from_keys(keys: Mapping[str, Any]) -> AuvMission:
-    """The `[mission]` section of a study: a preset, or numbers in the section's own units (deg, percent, per sqrt(h)).
-
-    Keys beside the contract's: between_surface_s, lat_deg, lon_deg, surface_speed_mps, current_std_mps (drawn per
-    run), speed_scale_std_percent (drawn). A preset may be changed by current, scale, wave, l_shape and surface keys;
-    dive_s, depth_m, pitch_deg, turns_deg and speed_mps shape a mission of their own. Raises StudyError.
-    """
-    keys = dict(keys)
-    name = keys.pop("preset", None)
-    faults = []
-    if name is not None and name not in PRESETS:
-        faults.append(f"[mission] preset = {name!r} is not known: type one of {', '.join(map(repr, PRESETS))}")
-    known = _PLAIN.keys() | _SHAPE | {"turns_deg", "l_shape", "dives"}
-    known |= {"wave_roll_deg", "wave_pitch_deg", "wave_mps", "current_north_mps", "current_east_mps"}
-    for key in keys:
-        if key not in known:
-            faults.append(f"[mission] {key} is not known: known keys are {', '.join(sorted(known))}")
-        elif key not in ("turns_deg", "l_shape") and not _finite(keys[key]):
-            faults.append(f"[mission] {key} = {keys[key]!r} must be a finite number")
-        elif key in _NOT_NEGATIVE and keys[key] < 0:
-            faults.append(f"[mission] {key} = {keys[key]!r} must not be negative")
-    turns = keys.get("turns_deg", ())
-    if not isinstance(turns, Sequence) or isinstance(turns, str) or not all(_finite(x) for x in turns):
-        faults.append(f"[mission] turns_deg = {turns!r} must be a list of angles, such as [-30, 45, -20]")
-    if faults:
-        raise StudyError(faults)
-    m = PRESETS[name] if name is not None else AuvMission(name="mission")
-    fields: dict[str, Any] = {target: keys[key] * factor for key, (target, factor) in _PLAIN.items() if key in keys}
-    if "dives" in keys:
-        fields["dives"] = int(keys["dives"])
-    fields["l_shape"] = bool(keys.get("l_shape", m.l_shape))
-    north, east = m.current
-    fields["current"] = (float(keys.get("current_north_mps", north)), float(keys.get("current_east_mps", east)))
-    if keys.keys() & {"wave_roll_deg", "wave_pitch_deg", "wave_mps"}:
-        w = m.waves
-        roll = radians(keys["wave_roll_deg"]) if "wave_roll_deg" in keys else w.roll
-        pitch = radians(keys["wave_pitch_deg"]) if "wave_pitch_deg" in keys else w.pitch
-        fields["waves"] = Waves.of(roll, pitch, float(keys.get("wave_mps", w.orbital)))
-    m = replace(m, **fields)
-    if keys.keys() & (_SHAPE | {"turns_deg"}):
-        m = _shaped(m, keys)
-    if m.between is None and m.dives > 1 and m.surface < RETURN_S:
-        raise StudyError("[mission] between_surface_s: dives need at least 10 s on the surface between them")
-    return m
-
-
-_PLAIN: dict[str, tuple[str, float]] = {
-    "surface_s": ("surface", 1.0),
-    "between_surface_s": ("between", 1.0),
-    "final_surface_s": ("final_surface", 1.0),
-    "surface_speed_mps": ("surface_speed", 1.0),
-    "heading_deg": ("heading", pi / 180.0),
-    "lat_deg": ("lat", pi / 180.0),
-    "lon_deg": ("lon", pi / 180.0),
-    "current_std_mps": ("current_std", 1.0),
-    "current_walk_mps_per_sqrt_h": ("current_walk", 1.0 / 60.0),
-    "current_shear_per_s": ("current_shear", 1.0),
-    "speed_scale_percent": ("speed_scale", 0.01),
-    "speed_scale_std_percent": ("speed_scale_std", 0.01),
-}
-_SHAPE = {"dive_s", "depth_m", "pitch_deg", "speed_mps"}
-_NOT_NEGATIVE = {
-    "surface_s", "between_surface_s", "final_surface_s", "dive_s", "depth_m", "pitch_deg", "speed_mps", "dives",
-    "surface_speed_mps", "current_std_mps", "current_walk_mps_per_sqrt_h", "speed_scale_std_percent",
-    "wave_roll_deg", "wave_pitch_deg", "wave_mps",
-}  # fmt: skip
-
-
-def _finite(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
-
-
-def _shaped(m: AuvMission, keys: Mapping[str, Any]) -> AuvMission:
-    """A dive of any length and depth with the ingredients of the paper's: they keep their place in its level part."""
-    dive = float(keys.get("dive_s", m.dive))
-    pitch = radians(keys["pitch_deg"]) if "pitch_deg" in keys else m.pitch
-    speed = float(keys.get("speed_mps", m.dive_speed))
-    depth = float(keys.get("depth_m", m.dive_speed * sin(m.pitch) * m.descent if m.pitch else 0.0))
-    surface_speed = m.surface_speed if "speed_mps" not in keys or "surface_speed_mps" in keys else 0.8 * speed
-    if depth == 0.0 or m.dives == 0:
-        pitch = 0.0
-    elif not 0.0 < pitch < radians(80.0) or speed <= 0.0:
-        raise StudyError(
-            f"[mission] depth_m = {depth:g} needs pitch_deg between 0 and 80 and speed_mps above 0: "
-            "type depth_m = 0 for a level dive"
-        )
-    hold = depth / (speed * sin(pitch)) if pitch else 0.0
-    ramp = min(m.pitch_ramp, hold)
-    m = replace(
-        m, dive=dive, pitch=pitch, dive_speed=speed, surface_speed=surface_speed, descent=hold, ascent=hold,
-        pitch_ramp=ramp, speed_steps=(), turns=(),
-    )  # fmt: skip
-    if m.dives and 2.0 * (hold + ramp) + RETURN_S + FADE_S > dive:
-        raise StudyError(
-            f"[mission] dive_s = {dive:g} is too short to reach depth_m = {depth:g} and come up again at "
-            f"{speed:g} m/s and {np.degrees(pitch):.3g} deg: it takes {2.0 * (hold + ramp) + RETURN_S + FADE_S:.0f} s"
-        )
-    if pitch:
-        # The speed's own ramp falls into the descent; depth is linear in the two holds, so this ends in a few rounds.
-        # A shallow dive is held shorter than its ramp: then the heave of the surfacing takes up the centimetres.
-        for _ in range(4):
-            descent = max(ramp, m.descent + (depth - _net_depth(m, m.descent + ramp)) / (speed * sin(pitch)))
-            m = replace(m, descent=descent)
-        m = replace(m, ascent=max(ramp, m.ascent + _net_depth(m, dive) / (speed * sin(pitch))))
-    a, b = m.descent + ramp, dive - m.ascent - ramp
-    level = b - a
-    if level >= 60.0:
-        steps = tuple(Change(a + (c.start - 65.0) / 390.0 * level, 5.0, 0.2 * c.by / 0.5 * speed) for c in SPEED_STEPS)
-        m = replace(m, speed_steps=steps)
-    angles = [radians(x) for x in keys["turns_deg"]] if "turns_deg" in keys else [c.by for c in TURNS]
-    if angles and level > 0.0:
-        length = min(20.0, 0.8 * level / len(angles))
-        places = [a + (i + 0.5) / len(angles) * level - 0.5 * length for i in range(len(angles))]
-        if len(angles) == len(TURNS):
-            places = [a + (c.start - 65.0) / 390.0 * (level - max(0.0, length - 20.0)) for c in TURNS]
-        m = replace(m, turns=tuple(Change(t, length, x) for t, x in zip(places, angles, strict=True)))
-    return m

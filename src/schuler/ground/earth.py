@@ -25,10 +25,11 @@ GM = 3.986004418e14  # m^3/s^2, WGS-84, atmosphere included
 
 
 def wrap_pi(angle: ArrayLike) -> Array:
-    """Angles of any shape, rad, brought into [-pi, pi)."""
+    """Angles of any shape, rad, brought into (-pi, pi]."""
     a = np.asarray(angle, dtype=np.float64)
-    inside = (a >= -np.pi) & (a < np.pi)  # left alone to the last bit
-    return np.where(inside, a, np.mod(a + np.pi, 2.0 * np.pi) - np.pi)[()]
+    turned = np.pi - np.mod(np.pi - a, 2.0 * np.pi)
+    turned = np.where(turned <= -np.pi, np.pi, turned)
+    return np.where(np.abs(a) < np.pi, a, turned)[()]  # small angles keep every bit
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,8 @@ class Ellipsoid:
         R_E = self.a / np.sqrt(1.0 - self.e2 * sin_p * sin_p)
         # Differences first: each is small, so the height keeps the digits that p and z have.
         h = (p - R_E * cos_p) * cos_p + (z - R_E * (1.0 - self.e2) * sin_p) * sin_p
-        return np.arctan2(sin_p, cos_p), np.arctan2(y, x), h
+        lon = np.arctan2(y, x)
+        return np.arctan2(sin_p, cos_p), np.where(lon <= -np.pi, np.pi, lon)[()], h
 
     def local(self, lat0: float, lon0: float, h0: float = 0.0) -> LocalFrame:
         """The tangent NED frame at a point."""
@@ -159,7 +161,7 @@ class Ellipsoid:
     def displace(self, lat: ArrayLike, lon: ArrayLike, h: ArrayLike, d_n: ArrayLike) -> tuple[Array, Array, Array]:
         """The position reached from (lat, lon, h) by NED metres d_n (..., 3); undoes `displacement_n`.
 
-        The new longitude lies in [-pi, pi).
+        The new longitude lies in (-pi, pi].
         """
         p, l, z, d = (np.asarray(x, dtype=np.float64) for x in (lat, lon, h, d_n))
         height = z - 0.5 * d[..., 2]

@@ -365,5 +365,5 @@ def heading_from_yaw_enu(yaw: ArrayLike) -> Array:
 
 
 def yaw_enu_from_heading(heading: ArrayLike) -> Array:
-    """Yaw counter-clockwise from east, [-pi, pi), of a heading clockwise from north, rad."""
+    """Yaw counter-clockwise from east, (-pi, pi], of a heading clockwise from north, rad."""
     return wrap_pi(0.5 * np.pi - np.asarray(heading, dtype=np.float64))

@@ -157,7 +157,7 @@ def split_ns(t_ns: ArrayLike) -> tuple[Array, int]:
 def unix_from_iso(text: str) -> float:
     """Unix seconds of an ISO 8601 text; UTC where it names no zone. A second of 60 (a leap second) is accepted."""
     plain = text.strip()
-    leap = re.match(r"^(.*\d{2}:?\d{2}:?)60(\D.*)?$", plain)
+    leap = re.match(r"^(.*\d{2}:?59:?)60(\D.*)?$", plain)
     try:
         when = datetime.fromisoformat(f"{leap[1]}59{leap[2] or ''}" if leap else plain)
     except ValueError:
@@ -234,8 +234,8 @@ class ClockReport:
 def describe_clock(t: ArrayLike, gap_factor: float = 1.5) -> ClockReport:
     """Rate, jitter, gaps, duplicated and backward times of a time column t (n,), s.
 
-    A gap is an interval longer than gap_factor medians and outside six robust sigmas of the intervals, so that a phone's
-    nervous clock is not all gaps. Raises InputError where fewer than two different times are there.
+    A gap is an interval longer than gap_factor medians and outside six robust sigmas of the intervals, so that the
+    nervous clock of a phone is not all gaps. Raises InputError where fewer than two different times are there.
     """
     time = np.asarray(t, dtype=np.float64)
     if time.ndim != 1:

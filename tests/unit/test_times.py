@@ -25,6 +25,18 @@ def test_gps_minus_utc(date, offset):
     assert times.leap_seconds(unix_from_iso(date)) == offset
 
 
+def test_the_whole_leap_table_against_the_published_list():
+    # NTP seconds (since 1900) from which TAI - UTC has the value; GPS is TAI - 19 s.
+    published = {
+        2571782400: 20, 2603318400: 21, 2634854400: 22, 2698012800: 23, 2776982400: 24, 2840140800: 25,
+        2871676800: 26, 2918937600: 27, 2950473600: 28, 2982009600: 29, 3029443200: 30, 3076704000: 31,
+        3124137600: 32, 3345062400: 33, 3439756800: 34, 3550089600: 35, 3644697600: 36, 3692217600: 37,
+    }  # fmt: skip
+    assert len(times.LEAP_UNIX) == len(published)
+    for ntp, tai in published.items():
+        assert_array_equal(times.leap_seconds([ntp - 2208988800 - 1, ntp - 2208988800]), [tai - 20, tai - 19])
+
+
 def test_epoch_and_known_weeks():
     assert gps_from_unix(unix_from_iso("1980-01-06T00:00:00Z")) == 0.0
     # The first rollovers of the ten-bit week: 13 s and 18 s before midnight UTC.

@@ -92,13 +92,11 @@ def euler_from_quat(q0, q1, q2, q3):
 
 @njit(cache=True, error_model="numpy")
 def wrap_pi(angle):
-    """The same angle in (-pi, pi]."""
-    a = math.fmod(angle, 2.0 * math.pi)
-    if a > math.pi:
-        a -= 2.0 * math.pi
-    elif a <= -math.pi:
-        a += 2.0 * math.pi
-    return a
+    """The same angle in (-pi, pi]; an angle already there keeps its bits."""
+    if -math.pi < angle <= math.pi:
+        return angle
+    a = angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+    return a if a > -math.pi else math.pi
 
 
 @njit(cache=True, error_model="numpy")

@@ -196,7 +196,7 @@ def _sentence(top: type[BaseModel], e: dict[str, Any]) -> str:
     if kind in limits:
         bound, words = limits[kind]
         return f"{place}: must be {words} {ctx[bound]:g}{' ' + unit if unit else ''}; came {typed(value)}"
-    if kind in ("three_numbers", "one_or_three_numbers", "two_numbers", "grid", "rate"):
+    if kind in ("three_numbers", "one_or_three_numbers", "two_numbers", "grid", "rate", "negative_sigma"):
         if kind == "rate":
             return f"{place}: {e['msg']}; came {typed(value)}; type {name} = {_number_in(value) or 10}"
         return f"{place}: {e['msg']}{in_unit}; came {typed(value)}" + (

@@ -42,6 +42,13 @@ def _one_or_three(value: Any) -> Any:
     raise PydanticCustomError("one_or_three_numbers", "expects one number, or three [x, y, z]")
 
 
+def _sigma(value: Any) -> Any:
+    value = _one_or_three(value)
+    if min(value) < 0:
+        raise PydanticCustomError("negative_sigma", "a sigma must be at least 0")
+    return value
+
+
 def _one_or_two(value: Any) -> Any:
     if isinstance(value, int | float) and not isinstance(value, bool):
         return (float(value),) * 2
@@ -73,6 +80,7 @@ def _rate(value: Any) -> Any:
 
 Three = Annotated[tuple[float, float, float], BeforeValidator(_three)]
 OneOrThree = Annotated[tuple[float, float, float], BeforeValidator(_one_or_three)]
+Sigma = Annotated[tuple[float, float, float], BeforeValidator(_sigma)]
 Two = Annotated[tuple[float, float], BeforeValidator(_one_or_two)]
 Grid = Annotated[tuple[float, float, float], BeforeValidator(_grid)]
 Numbers = Annotated[tuple[float, ...], BeforeValidator(_list)]
@@ -188,20 +196,18 @@ class StartSection(Section):
 
 class ImuSection(Section):
     preset: str | None = key(None, 'a named instrument, e.g. "3dm-gx3-25"; or the numbers below, never both')
-    gyro_arw_deg_per_sqrt_h: float | None = key(None, "angle random walk", "deg/sqrt(h)", ge=0)
-    accel_vrw_mps_per_sqrt_h: float | None = key(None, "velocity random walk", "m/s/sqrt(h)", ge=0)
-    gyro_bias_deg_per_h: float | None = key(None, "turn-on bias, 1 sigma", "deg/h", ge=0)
-    accel_bias_ug: float | None = key(None, "turn-on bias, 1 sigma", "ug", ge=0)
-    gyro_instability_deg_per_h: float | None = key(
-        None, "in-run bias, 1 sigma of a Gauss-Markov process", "deg/h", ge=0
-    )
-    accel_instability_ug: float | None = key(None, "in-run bias, 1 sigma of a Gauss-Markov process", "ug", ge=0)
+    gyro_arw_deg_per_sqrt_h: Sigma | None = key(None, "angle random walk", "deg/sqrt(h)")
+    accel_vrw_mps_per_sqrt_h: Sigma | None = key(None, "velocity random walk", "m/s/sqrt(h)")
+    gyro_bias_deg_per_h: Sigma | None = key(None, "turn-on bias, 1 sigma", "deg/h")
+    accel_bias_ug: Sigma | None = key(None, "turn-on bias, 1 sigma", "ug")
+    gyro_instability_deg_per_h: Sigma | None = key(None, "in-run bias, 1 sigma of a Gauss-Markov process", "deg/h")
+    accel_instability_ug: Sigma | None = key(None, "in-run bias, 1 sigma of a Gauss-Markov process", "ug")
     gyro_tau_s: float | None = key(None, "correlation time of the in-run gyro bias", "s", gt=0)
     accel_tau_s: float | None = key(None, "correlation time of the in-run accelerometer bias", "s", gt=0)
-    gyro_scale_ppm: float | None = key(None, "scale, 1 sigma", "ppm", ge=0)
-    accel_scale_ppm: float | None = key(None, "scale, 1 sigma", "ppm", ge=0)
-    gyro_rrw_deg_per_h_per_sqrt_h: float | None = key(None, "rate random walk", "deg/h/sqrt(h)", ge=0)
-    accel_rrw_ug_per_sqrt_h: float | None = key(None, "acceleration random walk", "ug/sqrt(h)", ge=0)
+    gyro_scale_ppm: Sigma | None = key(None, "scale, 1 sigma", "ppm")
+    accel_scale_ppm: Sigma | None = key(None, "scale, 1 sigma", "ppm")
+    gyro_rrw_deg_per_h_per_sqrt_h: Sigma | None = key(None, "rate random walk", "deg/h/sqrt(h)")
+    accel_rrw_ug_per_sqrt_h: Sigma | None = key(None, "acceleration random walk", "ug/sqrt(h)")
     gyro_misalignment_mrad: float | None = key(None, "misalignment, 1 sigma", "mrad", ge=0)
     accel_misalignment_mrad: float | None = key(None, "misalignment, 1 sigma", "mrad", ge=0)
     gyro_g_sensitivity_deg_per_h_per_g: float | None = key(None, "1 sigma", "deg/h/g", ge=0)
@@ -209,9 +215,7 @@ class ImuSection(Section):
     accel_quantisation_mps: float | None = key(None, "least count of a velocity increment", "m/s", ge=0)
     gyro_range_deg_per_s: float | None = key(None, "the gyro saturates here", "deg/s", gt=0)
     accel_range_g: float | None = key(None, "the accelerometer saturates here", "g", gt=0)
-    gyro_bandwidth_hz: float | None = key(None, "3 dB bandwidth of the gyro", "Hz", gt=0)
-    accel_bandwidth_hz: float | None = key(None, "3 dB bandwidth of the accelerometer", "Hz", gt=0)
-    bandwidth_hz: float | None = key(None, "3 dB bandwidth of both", "Hz", gt=0)
+    bandwidth_hz: float | None = key(None, "3 dB bandwidth of gyros and accelerometers", "Hz", gt=0)
     accel_x_lever_mm: Three | None = key(None, "where the x accelerometer sits, in the IMU's axes", "mm")
     accel_y_lever_mm: Three | None = key(None, "where the y accelerometer sits, in the IMU's axes", "mm")
     accel_z_lever_mm: Three | None = key(None, "where the z accelerometer sits, in the IMU's axes", "mm")
@@ -221,33 +225,28 @@ class ImuSection(Section):
 class NoiseSection(Section):
     gnss_m: Three = key((1.0, 1.0, 2.0), "white error of a fix, north east down, where std_ is absent", "m")
     gnss_mps: Three = key((0.05, 0.05, 0.1), "error of a GNSS velocity, north east down, where std_ is absent", "m/s")
-    gnss_correlated_m: float | None = key(None, "slow error of fixes beside gnss_m; absent: the kind's own", "m", ge=0)
-    gnss_correlated_tau_s: float | None = key(None, "its correlation time; absent: the kind's own", "s", gt=0)
+    gnss_correlated_m: float = key(2.0, "slow error of a fix beside gnss_m, north and east", "m", ge=0)
+    gnss_correlated_tau_s: float = key(100.0, "its correlation time", "s", gt=0)
     speed_mps: float = key(0.05, "speed log or odometer", "m/s", gt=0)
     speed_scale_percent: float = key(1.0, "scale of the speed log, prior", "%", ge=0)
     speed_walk_mps_per_sqrt_s: float | None = key(
-        None, "how fast the speed through water may change between rows; absent: the kind's own", "m/s/sqrt(s)", ge=0
+        None, "how fast the speed through water changes; absent: 0.03 with a log, 0.01 without", "m/s/sqrt(s)", gt=0
     )
-    path_scale_percent: float | None = key(
-        None, "scale of the speed from depth rate over tan(pitch), prior; absent: the kind's own", "%", ge=0
-    )
+    path_scale_percent: float = key(10.0, "scale of the speed from depth rate over tan(pitch), prior", "%", ge=0)
     dvl_mps: float = key(0.02, "DVL, each axis", "m/s", gt=0)
+    dvl_scale_percent: float = key(0.3, "scale of the DVL, prior", "%", ge=0)
     depth_m: float = key(0.1, "depth sensor", "m", gt=0)
     height_m: float = key(1.0, "barometric height", "m", gt=0)
     attitude_deg: Three = key((1.0, 1.0, 2.0), "roll, pitch, heading of an attitude table", "deg")
     heading_offset_deg: float | None = key(
-        None, "constant offset of a compass or attitude table's heading, prior; absent: the kind's own", "deg", ge=0
+        None, "constant offset of the heading, prior; absent: 5 of an attitude table, 2 of a magnetometer", "deg", ge=0
     )
     mag_deg: float = key(1.5, "heading from the magnetometer", "deg", gt=0)
     range_m: float = key(0.5, "range to a known point", "m", gt=0)
-    wave_mps: float | None = key(
-        None, "orbital velocity of waves seen in GNSS velocity at the surface; absent: the kind's own", "m/s", ge=0
-    )
+    wave_mps: float = key(0.07, "orbital velocity of waves at the surface, rms of one axis", "m/s", ge=0)
     current_mps: float = key(0.3, "water current, each axis, prior", "m/s", ge=0)
     current_walk_mps_per_sqrt_h: float = key(0.06, "how fast the current changes", "m/s/sqrt(h)", ge=0)
-    drift_mps: float | None = key(
-        None, "drift at the surface while no speed is known, prior; absent: the kind's own", "m/s", ge=0
-    )
+    drift_mps: float = key(0.3, "drift at the surface while no speed is known, each axis, prior", "m/s", ge=0)
 
 
 class MountingSection(Section):
@@ -314,7 +313,11 @@ class MissionSection(Section):
     dive_s: float | None = key(None, "each dive", "s", gt=0)
     dives: int | None = key(None, "how many dives", ge=1, le=1000)
     final_surface_s: float | None = key(None, "the last surface leg", "s", ge=0)
+    between_surface_s: float | None = key(None, "the surface leg between two dives; absent: surface_s", "s", gt=0)
     speed_mps: float | None = key(None, "through water, submerged", "m/s", gt=0, le=20)
+    surface_speed_mps: float | None = key(None, "through water, at the surface", "m/s", gt=0, le=20)
+    lat_deg: float | None = key(None, "latitude of the start", "deg", gt=-89, lt=89)
+    lon_deg: float | None = key(None, "longitude of the start", "deg", ge=-180, le=360)
     heading_deg: float | None = key(None, "heading at the start", "deg", ge=-180, le=360)
     depth_m: float | None = key(None, "deepest point of a dive; absent: as the pitch gives it", "m", ge=0)
     pitch_deg: float | None = key(None, "nose down at the start of a dive, up at its end", "deg", ge=0, le=80)
@@ -348,8 +351,6 @@ class TrajectorySection(Section):
 class ErrorsSection(Section):
     gyro_bias_deg_per_h: OneOrThree | None = key(None, "fixed bias on the simulated gyros", "deg/h")
     accel_bias_ug: OneOrThree | None = key(None, "fixed bias on the simulated accelerometers", "ug")
-    gyro_scale_ppm: OneOrThree | None = key(None, "fixed scale", "ppm")
-    accel_scale_ppm: OneOrThree | None = key(None, "fixed scale", "ppm")
 
 
 class AlignmentSection(Section):

@@ -1,0 +1,216 @@
+"""The tables of a study: read, checked against each other, turned to body axes, outages taken out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.ground.errors import InputError
+from schuler.ground.tables import Table
+from schuler.studies.run import Progress, silent
+
+if TYPE_CHECKING:
+    from schuler.studies.model import OutageSection, Study
+
+Array = NDArray[np.float64]
+G = 9.80665
+MAG = ("mag_x", "mag_y", "mag_z")
+
+
+@dataclass
+class Inputs:
+    """What a kind is given. tables: in body axes, outages not yet taken out; truth_states: of a simulation."""
+
+    tables: dict[str, Table]
+    reference: Table | None = None
+    truth_states: dict[str, tuple[Array, Array]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    declination: float | None = None
+
+
+def read_tables(study: Study, progress: Progress = silent) -> Inputs:
+    """Reads every table that [input] names. InputError holds one sentence a table that cannot be used."""
+    from schuler.io.tables import read_table
+
+    given = study.input
+    tables: dict[str, Table] = {}
+    notes: list[str] = []
+    faults: list[str] = []
+    for name in given.tables:
+        path = study.file_of(name)
+        assert path is not None
+        progress(f"reading {path.name}")
+        try:
+            if name == "imu":
+                table = read_table(
+                    path,
+                    name,
+                    rate_hz=given.rate_hz,
+                    scale_gyro_deg_per_s=given.scale_gyro_deg_per_s,
+                    scale_accel_g=given.scale_accel_g,
+                    start_s=study.start.time_s or 0.0,
+                )
+            else:
+                table = read_table(path, name)
+        except InputError as error:
+            faults.append(f"[input] {name}: {error}")
+            continue
+        tables[name] = table
+        notes += table.notes
+    if faults:
+        raise InputError("\n".join(faults))
+    reference = tables.pop("reference", None)
+    return Inputs(tables, reference, notes=notes)
+
+
+def span(table: Table) -> tuple[float, float]:
+    """First and last time, s."""
+    return float(table.time[0]), float(table.time[-1])
+
+
+def _file(study: Study, name: str) -> str:
+    path = study.file_of(name)
+    return path.name if path is not None else name
+
+
+def check_overlap(study: Study, inputs: Inputs, main: str) -> None:
+    """Every table must share time with the main one (InputError says both spans); parts outside are told.
+
+    A reference that shares no time is left out with a note: nothing but the judging needs it.
+    """
+    first, last = span(inputs.tables[main])
+    faults = []
+    for name, table in inputs.tables.items():
+        if name == main or "time" not in table:
+            continue
+        a, b = span(table)
+        if b < first or a > last:
+            faults.append(
+                f"[input] {name}: {_file(study, name)} runs from {a:.1f} to {b:.1f} s and {_file(study, main)} from "
+                f"{first:.1f} to {last:.1f} s: they do not overlap; put both on one clock"
+            )
+        else:
+            outside = int(np.count_nonzero((table.time < first) | (table.time > last)))
+            if outside > 0.02 * len(table) and outside > 1:
+                inputs.notes.append(
+                    f"{_file(study, name)}: {outside} of {len(table)} rows lie before or after {_file(study, main)} "
+                    f"({first:.1f} to {last:.1f} s)"
+                )
+    if faults:
+        raise InputError("\n".join(faults))
+    if inputs.reference is not None:
+        a, b = span(inputs.reference)
+        if b < first or a > last:
+            inputs.notes.append(
+                f"{_file(study, 'reference')} runs from {a:.1f} to {b:.1f} s and {_file(study, main)} from {first:.1f} "
+                f"to {last:.1f} s: they do not overlap, so nothing is judged against it"
+            )
+            inputs.reference = None
+
+
+def to_body(study: Study, tables: dict[str, Table]) -> None:
+    """Turns the imu's columns (and its magnetometer's) by [mounting] imu_to_body_rpy_deg, in place."""
+    angles = study.mounting.imu_to_body_rpy_deg
+    if "imu" not in tables or not any(angles):
+        return
+    from schuler.ground.frames import dcm_from_euler
+
+    C_body_imu = dcm_from_euler(*np.radians(angles))
+    imu = tables["imu"]
+    columns = dict(imu.columns)
+    for stem in ("gyro", "accel", "dtheta", "dv", "mag"):
+        names = [f"{stem}_{axis}" for axis in "xyz"]
+        if all(n in imu for n in names):
+            turned = imu.stack(*names) @ C_body_imu.T
+            columns.update({n: np.ascontiguousarray(turned[:, k]) for k, n in enumerate(names)})
+    tables["imu"] = Table(imu.name, columns, imu.kind, imu.source, imu.notes)
+
+
+def check_gravity(study: Study, tables: dict[str, Table]) -> None:
+    """Specific force must be about g, and up: f_z = -g for an upright vehicle in forward-right-down axes."""
+    imu = tables.get("imu")
+    if imu is None:
+        return
+    file = _file(study, "imu")
+    if imu.kind == "increments":
+        dt = np.diff(imu.time, prepend=imu.time[0] - float(np.median(np.diff(imu.time))))
+        f = imu.stack("dv_x", "dv_y", "dv_z") / dt[:, None]
+    else:
+        f = imu.stack("accel_x", "accel_y", "accel_z")
+    f = f[np.isfinite(f).all(axis=1)]
+    size = float(np.median(np.linalg.norm(f, axis=1)))
+    if not 0.8 * G < size < 1.25 * G:
+        hint = "is it raw counts, or with gravity taken out?"
+        for unit, factor in (("g", 1.0), ("mg", 1e3), ("ft/s^2", G / 0.3048)):
+            if 0.8 * factor < size < 1.25 * factor:
+                hint = f"that is {unit}; type  schuler convert {file} imu-si.csv --accel-unit {unit}"
+        raise InputError(
+            f"{file}: specific force has a median size of {size:.4g} m/s^2 where g = 9.81 is expected; {hint}"
+        )
+    mean = np.median(f, axis=0)
+    if mean[2] > -0.5 * G:
+        axis = int(np.argmax(np.abs(mean)))
+        sign = "+" if mean[axis] > 0 else "-"
+        turn = {
+            (2, "+"): "[180, 0, 0] for forward-left-up axes",
+            (1, "+"): "[90, 0, 0]",
+            (1, "-"): "[-90, 0, 0]",
+            (0, "+"): "[0, 90, 0]",
+            (0, "-"): "[0, -90, 0]",
+        }
+        want = turn.get((axis, sign), "the angles of the mounting")
+        raise InputError(
+            f"{file}: gravity is felt as {sign}9.8 on {'xyz'[axis]}; forward-right-down axes feel -9.8 on z; "
+            f"type [mounting] imu_to_body_rpy_deg = {want}"
+        )
+
+
+def withhold(
+    study: Study, inputs: Inputs
+) -> tuple[dict[str, Table], dict[str, Table], list[tuple[OutageSection, Table]]]:
+    """Takes the rows of every [[outage]] out, start_s <= time <= end_s.
+
+    Returns the tables that are left, the rows withheld by sensor, and each outage with its own rows. A magnetometer
+    lies in the imu table: its columns are NaN there.
+    """
+    tables = dict(inputs.tables)
+    withheld: dict[str, Table] = {}
+    each = []
+    faults = []
+    gone: dict[str, NDArray[np.bool_]] = {}
+    for number, outage in enumerate(study.outage, 1):
+        name = "imu" if outage.sensor == "magnetometer" else outage.sensor
+        table = inputs.tables.get(name)
+        if table is None or (outage.sensor == "magnetometer" and not all(c in table for c in MAG)):
+            have = ", ".join(inputs.tables)
+            faults.append(f"[[outage]] {number} sensor: there is no {outage.sensor} to withhold; the study has {have}")
+            continue
+        rows = (table.time >= outage.start_s) & (table.time <= outage.end_s)
+        if not rows.any():
+            a, b = span(table)
+            faults.append(
+                f"[[outage]] {number}: no {outage.sensor} row lies from {outage.start_s:g} to {outage.end_s:g} s; "
+                f"they run from {a:.1f} to {b:.1f} s"
+            )
+            continue
+        each.append((outage, table.where(rows)))
+        gone[outage.sensor] = gone.get(outage.sensor, np.zeros(len(table), dtype=bool)) | rows
+    if faults:
+        raise InputError("\n".join(faults))
+    for sensor, rows in gone.items():
+        if sensor == "magnetometer":
+            imu = inputs.tables["imu"]
+            columns = {k: np.where(rows, np.nan, v) if k in MAG else v for k, v in imu.columns.items()}
+            tables["imu"] = Table(imu.name, columns, imu.kind, imu.source, imu.notes)
+            withheld[sensor] = imu.where(rows)
+        else:
+            table = inputs.tables[sensor]
+            withheld[sensor] = table.where(rows)
+            if rows.all():
+                del tables[sensor]
+            else:
+                tables[sensor] = table.where(~rows)
+    return tables, withheld, each

@@ -1,0 +1,166 @@
+"""Kind "auv": an underwater vehicle with fixes at the surface, recorded or simulated."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.aiding.solution import Navigation
+from schuler.ground.tables import Table
+from schuler.judging import consistency, outages
+from schuler.judging.errors import circular, distance, error_series, summary
+from schuler.judging.result import Result
+from schuler.studies.inputs import Inputs, check_gravity, check_overlap, read_tables, to_body, withhold
+from schuler.studies.run import DEFAULT_SEED, Progress, made_by, register
+
+if TYPE_CHECKING:
+    from schuler.studies.model import OutageSection, Study
+
+Array = NDArray[np.float64]
+
+
+@register("auv")
+def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
+    """Reads or simulates, navigates with [filter] method, judges. See `Result`."""
+    from schuler.studies.auv_mapping import check_presets, not_estimated
+
+    check_presets(study)
+    simulated = study.mission is not None
+    seed = (DEFAULT_SEED if seed is None else seed) if simulated else None
+    inputs = simulate(study, int(seed or 0), progress) if simulated else read_tables(study, progress)
+    if not simulated:
+        check_overlap(study, inputs, "imu" if "imu" in inputs.tables else "attitude")
+    to_body(study, inputs.tables)
+    check_gravity(study, inputs.tables)
+    tables, withheld, each = withhold(study, inputs)
+    progress("navigating")
+    navigation = navigate(study, tables, inputs.declination)
+    progress("judging")
+    notes = [*inputs.notes, *not_estimated(study), *unread(study), *navigation.notes]
+    return Result(
+        study=study,
+        made_by=made_by(study, seed),
+        navigation=navigation,
+        reference=inputs.reference,
+        truth_states=inputs.truth_states,
+        tables=tables,
+        withheld=withheld,
+        summary=judged(study, made_by(study, seed), navigation, inputs, tables, each, notes),
+        notes=notes,
+    )
+
+
+def simulate(study: Study, seed: int, progress: Progress) -> Inputs:
+    """The tables, reference and true states of [mission]."""
+    from schuler.studies.auv_mapping import mission_of, suite_of
+    from schuler.truth.recording import simulate as record
+
+    progress("simulating the mission")
+    suite = suite_of(study)
+    recording = record(mission_of(study), suite, seed=seed)
+    declination = recording.declination if suite.magnetometer is not None else None
+    return Inputs(dict(recording.tables), recording.truth, dict(recording.truth_states), declination=declination)
+
+
+def navigate(study: Study, tables: dict[str, Table], declination: float | None = None) -> Navigation:
+    """Runs [filter] method over tables in body axes."""
+    from schuler.studies.auv_mapping import auv_settings, paper_settings
+
+    if study.filter.method == "schuler":
+        from schuler.aiding.auv import navigate as run_schuler
+
+        return run_schuler(tables, auv_settings(study, declination=declination))
+    from schuler.aiding.paper import navigate_paper
+
+    return navigate_paper(tables, paper_settings(study))
+
+
+def unread(study: Study) -> list[str]:
+    """Sections and tables that the study names and this kind does not read, as sentences."""
+    sections = ("camera", "sweep", "align", "trajectory", "platform")
+    notes = [f'[{name}]: not read by kind "auv"; left out' for name in sections if name in study.model_fields_set]
+    known = {"imu", "gnss", "speed", "dvl", "depth", "attitude", "reference"}
+    others = [name for name in study.input.tables if name not in known]
+    if others:
+        notes.append(f'[input] {", ".join(others)}: not used by kind "auv"; left out')
+    if study.filter.constraints:
+        notes.append(f'[filter] constraints {", ".join(study.filter.constraints)}: not used by kind "auv"; left out')
+    return notes
+
+
+def judged(
+    study: Study,
+    made: dict[str, Any],
+    navigation: Navigation,
+    inputs: Inputs,
+    tables: dict[str, Table],
+    each: list[tuple[OutageSection, Table]],
+    notes: list[str],
+) -> dict[str, Any]:
+    """The content of summary.json."""
+    m, n = study.mounting, study.noise
+    # a simulated truth describes the IMU itself, unless [mounting] says otherwise; the simulation follows it then
+    arm = m.reference_frd_m
+    reference = inputs.reference
+    series = smooth = None
+    if reference is not None:
+        series = error_series(navigation.filter, reference, arm)
+        if navigation.smoother is not None:
+            smooth = error_series(navigation.smoother, reference, arm)
+    gnss = tables.get("gnss")
+    correlated = n.gnss_correlated_m if study.filter.method == "schuler" else 0.0
+    fix: dict[str, Any] = {"gnss_m": n.gnss_m, "correlated_m": correlated, "antenna_frd": m.antenna_frd_m}
+    track = navigation.smoother or navigation.filter
+    length = distance(reference["lat"], reference["lon"]) if reference is not None else distance(track.lat, track.lon)
+    told: dict[str, Any] = {
+        "study": {"name": study.study.name, "kind": study.study.kind},
+        "made_by": made,
+        "method": study.filter.method,
+        "duration_s": float(navigation.filter.time[-1] - navigation.filter.time[0]),
+        "distance_m": length,
+        "errors": {"filter": summary(series), "smoother": summary(smooth) if navigation.smoother is not None else None},
+        "circular": {
+            "filter": None if series is None else circular(series.horizontal),
+            "smoother": None if smooth is None else circular(smooth.horizontal),
+        },
+        "consistency": consistency.consistency(series, navigation.innovations),
+        "outages": [
+            outages.outage(
+                navigation,
+                rows,
+                o.sensor,
+                o.start_s,
+                o.end_s,
+                reference,
+                reference_frd=arm,
+                delay=study.input.gnss_delay_s,
+                **fix,
+            )
+            for o, rows in each
+        ],
+        "dives": outages.dives(navigation, gnss, reference, reference_frd=arm),
+        "surfacings": outages.surfacings(navigation, gnss, **fix),
+        "states": states(navigation, inputs.truth_states),
+        "notes": notes,
+    }
+    return told
+
+
+def states(navigation: Navigation, truth: dict[str, tuple[Array, Array]]) -> dict[str, Any]:
+    """What was learnt, at the end: {"unit", "value", "std", "truth"} of each state, SI."""
+    told = {}
+    for name, history in navigation.states.items():
+        if len(history.time) == 0:
+            continue
+        true = None
+        if name in truth:
+            true = float(np.interp(history.time[-1], *truth[name]))
+        told[name] = {
+            "unit": history.unit,
+            "value": float(history.value[-1]),
+            "std": float(history.std[-1]),
+            "truth": true,
+        }
+    return told

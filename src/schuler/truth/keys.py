@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from schuler.ground.errors import StudyError
+from schuler.ground.errors import InputError, StudyError
 from schuler.ground.units import DEG, KNOT
 from schuler.truth import instruments as inst
 from schuler.truth.instruments import IMUS, ImuModel
@@ -24,6 +24,7 @@ from schuler.truth.missions import (
     Change,
     Waves,
     net_depth,
+    profiles,
 )
 from schuler.truth.sensors import SUITES, SensorSuite
 
@@ -45,10 +46,15 @@ def mission_from_keys(keys: Mapping[str, Any]) -> AuvMission:
     for key in keys:
         if key not in known:
             faults.append(f"[mission] {key} is not known: known keys are {', '.join(sorted(known))}")
-        elif key not in ("turns_deg", "l_shape") and not _finite(keys[key]):
+        elif key == "l_shape":
+            if not isinstance(keys[key], bool):
+                faults.append(f"[mission] l_shape = {keys[key]!r} must be true or false")
+        elif key != "turns_deg" and not _finite(keys[key]):
             faults.append(f"[mission] {key} = {keys[key]!r} must be a finite number")
         elif key in _NOT_NEGATIVE and keys[key] < 0:
             faults.append(f"[mission] {key} = {keys[key]!r} must not be negative")
+        elif key == "dives" and keys[key] != int(keys[key]):
+            faults.append(f"[mission] dives = {keys[key]!r} must be a whole number")
     turns = keys.get("turns_deg", ())
     if not isinstance(turns, Sequence) or isinstance(turns, str) or not all(_finite(x) for x in turns):
         faults.append(f"[mission] turns_deg = {turns!r} must be a list of angles, such as [-30, 45, -20]")
@@ -66,11 +72,13 @@ def mission_from_keys(keys: Mapping[str, Any]) -> AuvMission:
         roll = radians(keys["wave_roll_deg"]) if "wave_roll_deg" in keys else w.roll
         pitch = radians(keys["wave_pitch_deg"]) if "wave_pitch_deg" in keys else w.pitch
         fields["waves"] = Waves.of(roll, pitch, float(keys.get("wave_mps", w.orbital)))
-    m = replace(m, **fields)
-    if keys.keys() & (_SHAPE | {"turns_deg"}):
-        m = _shaped(m, keys)
-    if m.between is None and m.dives > 1 and m.surface < RETURN_S:
-        raise StudyError("[mission] between_surface_s: dives need at least 10 s on the surface between them")
+    try:
+        m = replace(m, **fields)
+        if keys.keys() & (_SHAPE | {"turns_deg"}):
+            m = _shaped(m, keys)
+        profiles(m, np.zeros((0, 2)))
+    except InputError as error:
+        raise StudyError(f"[mission] cannot be flown: {error}") from error
     return m
 
 
@@ -162,7 +170,7 @@ def imu_from_keys(keys: Mapping[str, Any], errors: Mapping[str, Any] | None = No
     known = {f.name for f in fields(ImuModel)} - {"name", "published"}
     for key in keys:
         if key not in known:
-            near = difflib.get_close_matches(key, known, 1)
+            near = [k for k in sorted(known) if k.startswith(key)] or difflib.get_close_matches(key, known, 1)
             faults.append(f"[imu] {key} is not known" + (f": did you mean {near[0]}?" if near else ""))
     changes = _offsets(errors or {}, faults)
     if faults:

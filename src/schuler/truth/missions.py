@@ -269,7 +269,7 @@ class AuvMotion:
         self.speed_scale = mission.speed_scale + mission.speed_scale_std * float(scale)
         knots = int(mission.duration // WALK_KNOT_S) + 1 if mission.current_walk > 0.0 else 0
         walk = stream(seed, run, "current.walk").standard_normal((knots, 2))
-        self.profiles = _profiles(mission, walk * mission.current_walk * np.sqrt(WALK_KNOT_S))
+        self.profiles = profiles(mission, walk * mission.current_walk * np.sqrt(WALK_KNOT_S))
 
     def start(self) -> Array:
         """Position at t = 0: lat, lon, height."""
@@ -333,7 +333,7 @@ class Cursor:
 Steps = list[tuple[float, float, float]]  # start, length, change
 
 
-def _profiles(m: AuvMission, walk: Array) -> tuple[NDArray[np.int64], Array, Array, Array, Array]:
+def profiles(m: AuvMission, walk: Array) -> tuple[NDArray[np.int64], Array, Array, Array, Array]:
     """All smooth steps of a mission: offsets of the seven profiles, then start, length, value before, change."""
     heading: Steps = []
     speed: Steps = []
@@ -342,7 +342,7 @@ def _profiles(m: AuvMission, walk: Array) -> tuple[NDArray[np.int64], Array, Arr
     heave: Steps = []
     dives = m.dive_intervals
     legs = np.concatenate([[0.0], dives[:-1, 1]]) if m.dives else np.zeros(0)
-    excess = net_depth(m, m.dive) if m.dives else 0.0
+    excess = net_depth(m, m.dive) if m.dives and m.pitch else 0.0
     for (start, end), leg in zip(dives, legs, strict=True):
         if m.l_shape and start > leg:
             turn = min(20.0, 0.2 * (start - leg))

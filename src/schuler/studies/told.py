@@ -89,7 +89,8 @@ def _dives(dives: list[dict[str, Any]]) -> list[str]:
             )
         if d["smoother_rms_m"] is not None:
             lines.append(
-                f"  smoothed afterwards: {metres(d['smoother_rms_m'])} rms along it, {metres(d['smoother_max_m'])} at most"
+                f"  smoothed afterwards: {metres(d['smoother_rms_m'])} rms along it, "
+                f"{metres(d['smoother_max_m'])} at most"
             )
     if len(dives) > DIVES_TOLD:
         lines.append(f"  ... and {len(dives) - DIVES_TOLD} more in summary.json")
@@ -98,11 +99,12 @@ def _dives(dives: list[dict[str, Any]]) -> list[str]:
 
 def _outage(o: dict[str, Any]) -> str:
     smooth = o.get("smoother_horizontal_max_m")
-    return (
-        f"{o['sensor']} withheld {o['start_s']:g} to {o['end_s']:g} s: error at the end {metres(o['horizontal_end_m'])}, "
-        f"at most {metres(o['horizontal_max_m'])}, sigma {metres(o.get('sigma_end_m'))}{_nees(o['nees_half_end'])}"
-        + (f"; smoothed at most {metres(smooth)}" if smooth is not None else "")
+    line = (
+        f"{o['sensor']} withheld {o['start_s']:g} to {o['end_s']:g} s: error at the end "
+        f"{metres(o['horizontal_end_m'])}, at most {metres(o['horizontal_max_m'])}, "
+        f"sigma {metres(o.get('sigma_end_m'))}{_nees(o['nees_half_end'])}"
     )
+    return line + (f"; smoothed at most {metres(smooth)}" if smooth is not None else "")
 
 
 def _surfacings(found: list[dict[str, Any]]) -> list[str]:
@@ -114,9 +116,10 @@ def _surfacings(found: list[dict[str, Any]]) -> list[str]:
             f"first fix after {s['gap_s']:.0f} s: predicted {metres(s['miss_m'])} from it, 1 sigma "
             f"{s['sigma_major_m']:.0f} x {s['sigma_minor_m']:.0f} m: {verdict} the 95 % ellipse"
         ]
+    median = metres(float(np.median([s["miss_m"] for s in found])))
     lines = [
         f"{len(found)} surfacings, position predicted before the first fix against it "
-        f"(median miss {metres(float(np.median([s['miss_m'] for s in found])))}, {inside} of {len(found)} inside 95 %):",
+        f"(median miss {median}, {inside} of {len(found)} inside 95 %):",
         "   at s      gap s    miss   north    east m   1 sigma m   inside 95 %",
     ]
     for s in found[:DIVES_TOLD]:

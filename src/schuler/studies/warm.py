@@ -1,0 +1,86 @@
+"""Compiled kernels: whether they are in numba's cache, and compiling all of them once."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+KERNELS = Path(__file__).resolve().parents[1] / "kernels"
+
+
+def cold(modules: Sequence[str]) -> bool:
+    """Whether a kernel module has nothing in numba's cache that is as new as its source. False where one cannot say."""
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        return False
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    folder = Path(chosen) if chosen else KERNELS / "__pycache__"
+    if not chosen and not os.access(KERNELS, os.W_OK):
+        return False  # numba keeps its cache elsewhere then
+    tag = f"py{sys.version_info.major}{sys.version_info.minor}"
+    for module in modules:
+        source = KERNELS / f"{module}.py"
+        if not source.exists():
+            continue
+        found = folder.rglob(f"{module}.*{tag}*.nbi") if chosen else folder.glob(f"{module}.*{tag}*.nbi")
+        newest = max((p.stat().st_mtime for p in found), default=0.0)
+        if newest < source.stat().st_mtime:
+            return True
+    return False
+
+
+def warm_auv() -> None:
+    """Kind "auv": simulation, filter with every sensor, smoother, the compass's mode, the online filter."""
+    from schuler.studies.model import parse_study
+    from schuler.studies.run import run_study
+
+    mission = {"surface_s": 30.0, "dive_s": 80.0, "depth_m": 0.0, "final_surface_s": 20.0}
+    for extra in ({}, {"magnetometer": True, "dvl": True}):
+        study = parse_study({"study": {"name": "warmup", "kind": "auv"}, "mission": {**mission, **extra}})
+        run_study(study)
+
+
+def warm_compass() -> None:
+    """Kind "auv" without an IMU: attitude, depth and fixes."""
+    from dataclasses import replace
+
+    from schuler.aiding.auv import AuvSettings, navigate
+    from schuler.truth.instruments import AttitudeSensor
+    from schuler.truth.missions import PRESETS
+    from schuler.truth.recording import simulate
+    from schuler.truth.sensors import SUITES
+
+    mission = replace(PRESETS["demo"], surface=30.0)
+    suite = SUITES["demo"].with_changes(attitude=AttitudeSensor())
+    tables = dict(simulate(mission, suite).tables)
+    navigate({name: tables[name] for name in ("attitude", "gnss", "depth")}, AuvSettings())
+
+
+def warm_paper() -> None:
+    """The paper's filter."""
+    from schuler.studies.model import parse_study
+    from schuler.studies.run import run_study
+
+    for method in ("paper", "paper-literal"):
+        raw = {
+            "study": {"name": "warmup", "kind": "auv"},
+            "mission": {"surface_s": 30.0, "dive_s": 80.0, "depth_m": 0.0},
+            "filter": {"method": method},
+        }
+        run_study(parse_study(raw))
+
+
+# what `schuler warmup` runs, in order; a part that brings kernels of its own adds a line
+STEPS: list[tuple[str, Callable[[], None]]] = [
+    ("auv: simulation, filter, smoother", warm_auv),
+    ("auv: a vehicle's own compass", warm_compass),
+    ("auv: the paper's filter", warm_paper),
+]
+
+
+def warm_all(progress: Callable[[str], None]) -> None:
+    """Compiles everything that is not in the cache yet."""
+    for name, step in STEPS:
+        progress(f"compiling {name}")
+        step()

@@ -1,0 +1,43 @@
+"""The chapters of a page, by kind of study.
+
+A chapter is a function of the `View` that gives a `Section`, or None where the result has nothing for it. A new kind
+adds its own list here and its functions in a module beside these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from schuler.report.parts import Opening, Section
+from schuler.report.sections import consistency, errors, opening, record, states, track
+from schuler.report.view import View
+
+Chapter = Callable[[View], Section | None]
+
+_AIDED: tuple[Chapter, ...] = (
+    track.track,
+    track.surfacings,
+    errors.position,
+    errors.attitude,
+    errors.velocity,
+    errors.depth,
+    states.gyro_biases,
+    states.learnt,
+    consistency.innovations,
+    consistency.honesty,
+    record.figures_table,
+    record.assumed,
+    record.made,
+    record.cite,
+)
+
+CHAPTERS: dict[str, tuple[Chapter, ...]] = {"auv": _AIDED, "aided": _AIDED}
+OPENINGS: dict[str, Callable[[View], Opening]] = {"auv": opening.aided, "aided": opening.aided}
+
+
+def chapters(kind: str) -> Sequence[Chapter]:
+    return CHAPTERS.get(kind, _AIDED)
+
+
+def opening_of(kind: str) -> Callable[[View], Opening]:
+    return OPENINGS.get(kind, opening.aided)

@@ -28,6 +28,7 @@ class Result:
     withheld : the rows of the outages, by sensor.
     summary : the content of summary.json (plain numbers, strings, lists, dicts; None where not known).
     notes : sentences for the user: what was assumed, converted, left out, found.
+    details : what a kind keeps for its own chapters of the page, of its own type.
     """
 
     study: Any  # studies.model.Study; that module stands above this one
@@ -39,3 +40,4 @@ class Result:
     withheld: Mapping[str, Table]
     summary: dict[str, Any]
     notes: list[str] = field(default_factory=list)
+    details: Any = None

@@ -356,7 +356,8 @@ class ErrorsSection(Section):
 class AlignmentSection(Section):
     level_rad_per_s: float = key(0.03, "natural frequency of the levelling loops", "rad/s", gt=0)
     azimuth_rad_per_s: float = key(0.05, "natural frequency of the azimuth loop", "rad/s", gt=0)
-    damping: float = key(0.8, "damping ratio", gt=0)
+    damping: float = key(0.8, "damping ratio")
+    lag_s: float = key(0.0, "first-order lag of the loops' signals", "s", ge=0)
     duration_s: float = key(1500.0, "how long", "s", gt=0)
     settling_s: float | None = key(None, "requirement to judge against", "s", gt=0)
     overshoot_percent: float | None = key(None, "requirement to judge against", "%", ge=0)
@@ -393,9 +394,17 @@ class PlatformSection(Section):
     accel_bias_ug: Two = key((0.0, 0.0), "accelerometer bias, x y", "ug")
     accel_scale_ppm: Two = key((0.0, 0.0), "accelerometer scale, x y", "ppm")
     torquer_scale_ppm: Three = key((0.0, 0.0, 0.0), "torquer scale", "ppm")
-    body_heading_deg: float = key(180.0, "heading of the vehicle's body", "deg")
+    torquer_limit_deg_per_h: float = key(360.0, "fastest turn that the torquers can command", "deg/h", gt=0)
+    trust_units: bool = key(False, "true: a drift that looks like another unit is meant as typed")
+    body_heading_deg: float | None = key(
+        None, "heading of the vehicle's body, counter-clockwise; absent: heading_deg", "deg", ge=-360, le=360
+    )
+    body_roll_deg: float = key(0.0, "amplitude of the body's rolling; steady with body_period_s = 0", "deg", ge=-180, le=180)
+    body_pitch_deg: float = key(0.0, "amplitude of the body's pitching", "deg", ge=-90, le=90)
+    body_period_s: float = key(0.0, "period of rolling and pitching", "s", ge=0)
     gimbal_bias_deg: float = key(0.0, "bias of the azimuth gimbal", "deg")
     height_m: float = key(0.0, "height", "m")
+    height_change_m: float = key(0.0, "climb over the whole duration, smooth", "m")
     start_ramp_s: float = key(0.0, "0: impulsive", "s", ge=0)
     earth: Literal["sphere", "ellipsoid"] = key("sphere", "figure of the Earth")
     alignment: AlignmentSection = key(AlignmentSection(), "loops before navigation")

@@ -75,8 +75,8 @@ class PlatformCase:
         if lowest <= 0.0 or self.z_scale <= 0.0:
             z = lowest * self.z_scale
             raise InputError(
-                f"z, the distance from the Earth's centre that the commands divide by, is {z:.6g} m; it must be positive: "
-                f"a height lies above {-RADIUS:.6g} m, in metres."
+                f"z, the distance from the Earth's centre that the commands divide by, is {z:.6g} m; it must be "
+                f"positive: a height lies above {-RADIUS:.6g} m, in metres."
             )
         if not self.duration > 0.0:
             raise InputError(f"The duration is {self.duration:g} s; it must be positive.")
@@ -319,7 +319,7 @@ def navigate(
         )
     if not np.isfinite(run.error).all():
         raise InputError(
-            f"{algorithm} has lost its position (not a number) after {t[int(np.argmin(np.isfinite(run.error)))]:.0f} s: "
+            f"{algorithm} has lost its position (not a number) {t[int(np.argmin(np.isfinite(run.error)))]:.0f} s on: "
             "the errors put in are too large for it; are their units those that the names say?"
         )
     return run
@@ -395,8 +395,8 @@ def gimbal_warning(time: Array, angles: Array, limit: float = math.radians(75.0)
     if largest < limit:
         return None
     return (
-        f"The middle gimbal reaches {math.degrees(largest):.0f} deg at {time[i]:.0f} s; at 90 deg the outer and the inner "
-        "axis lie on one line and a three-gimbal platform loses its reference: it needs a fourth gimbal or less pitch."
+        f"The middle gimbal reaches {math.degrees(largest):.0f} deg at {time[i]:.0f} s; at 90 deg the outer and the "
+        "inner axis lie on one line and a platform on three gimbals loses its reference: it needs a fourth or less pitch."
     )
 
 
@@ -431,9 +431,10 @@ def sensitivity(
     cases = []
     for _, _, change in SENSITIVITIES:
         for sign in (1.0, -1.0):
-            values = {n: tuple(sign * x for x in v) if isinstance(v, tuple) else sign * v for n, v in change.items()}
-            if "z_scale" in values:
-                values["z_scale"] = 1.0 + values["z_scale"]
+            values: dict[str, Any] = {
+                n: tuple(sign * x for x in v) if isinstance(v, tuple) else sign * v + (n == "z_scale")
+                for n, v in change.items()
+            }
             cases.append(replace(clean, **values))
     e = errors_of(cases, algorithm, form, at)
     metres = 0.5 * np.hypot(e[0::2, :, 1] - e[1::2, :, 1], e[0::2, :, 2] - e[1::2, :, 2])

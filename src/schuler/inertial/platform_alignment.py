@@ -90,11 +90,11 @@ class Loop:
 
     @property
     def gain_margin_db(self) -> float:
-        """How much gain may be LOST or won before the loop grows; infinite without a lag (the phase never reaches -pi)."""
-        if self.lag == 0.0:
-            return math.inf
-        stable = self.lag < self.kp / self.ki
-        return math.inf if stable else -math.inf  # the phase is on one side of -pi at every frequency
+        """How much gain may be won or lost before the loop grows: no limit, if it is stable at all.
+
+        The phase stays on one side of -pi at every frequency, with a lag or without.
+        """
+        return math.inf if self.lag < self.kp / self.ki else -math.inf
 
     def step_response(self, t: ArrayLike) -> Array:
         """Angle after a unit step of what it follows, at times t, s, from rest."""

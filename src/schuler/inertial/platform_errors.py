@@ -26,7 +26,7 @@ def deflection(lat: float, exact: bool = False) -> float:
 
 
 def level_rate(lat: float) -> float:
-    """sqrt(k_sh) at rest, rad/s: the Schuler rate about the axis along the inertial rate, slower by the Earth's turn."""
+    """sqrt(k_sh) at rest, rad/s: the Schuler rate about the axis along the inertial rate, less the Earth's turn."""
     return math.sqrt(SCHULER**2 - (OMEGA * math.cos(lat)) ** 2)
 
 
@@ -140,9 +140,9 @@ def first_order(case: PlatformCase, *, tilted: bool = False, time: Array | None 
     """Linear theory of any platform with r = 0, integrated along the path of the case.
 
     E' = C_im (phi_x'-dot - b_1, phi_y'-dot - b_2, -b_3 - (phi_x' q - phi_y' p)), dr = E x r, with phi' from the
-    corrected (28). tilted : the gyro axes stand where those of the position-independent platform stand, off the vertical
-    by the plumb line's deflection and swinging about it, instead of exactly on the vertical and the horizon. That is
-    the whole difference between the two algorithms at first order: about alpha w_s t / 2 of a drift leaks from one
+    corrected (28). tilted : the gyro axes stand where those of the position-independent platform stand, off the
+    vertical by the plumb line's deflection and swinging about it, instead of exactly on the vertical and the horizon.
+    That is the whole difference between the two algorithms at first order: about alpha w_s t / 2 of a drift leaks from one
     channel into another.
     """
     return navigate(case, "first-order-tilted" if tilted else "first-order", time=time)

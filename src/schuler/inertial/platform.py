@@ -396,7 +396,7 @@ def gimbal_warning(time: Array, angles: Array, limit: float = math.radians(75.0)
         return None
     return (
         f"The middle gimbal reaches {math.degrees(largest):.0f} deg at {time[i]:.0f} s; at 90 deg the outer and the "
-        "inner axis lie on one line and a platform on three gimbals loses its reference: it needs a fourth or less pitch."
+        "inner axis lie on one line and three gimbals lose the reference; they need a fourth, or less pitch."
     )
 
 

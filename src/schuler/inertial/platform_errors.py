@@ -142,7 +142,7 @@ def first_order(case: PlatformCase, *, tilted: bool = False, time: Array | None 
     E' = C_im (phi_x'-dot - b_1, phi_y'-dot - b_2, -b_3 - (phi_x' q - phi_y' p)), dr = E x r, with phi' from the
     corrected (28). tilted : the gyro axes stand where those of the position-independent platform stand, off the
     vertical by the plumb line's deflection and swinging about it, instead of exactly on the vertical and the horizon.
-    That is the whole difference between the two algorithms at first order: about alpha w_s t / 2 of a drift leaks from one
-    channel into another.
+    That is the whole difference between the two algorithms at first order: a share of about alpha of channel 3's drift
+    works on the level axes, swinging at the Schuler rate, and the loop answers in resonance, by about R alpha b t / 2.
     """
     return navigate(case, "first-order-tilted" if tilted else "first-order", time=time)

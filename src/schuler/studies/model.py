@@ -399,9 +399,9 @@ class PlatformSection(Section):
     body_heading_deg: float | None = key(
         None, "heading of the vehicle's body, counter-clockwise; absent: heading_deg", "deg", ge=-360, le=360
     )
-    body_roll_deg: float = key(0.0, "amplitude of the body's rolling; steady with body_period_s = 0", "deg", ge=-180, le=180)
-    body_pitch_deg: float = key(0.0, "amplitude of the body's pitching", "deg", ge=-90, le=90)
-    body_period_s: float = key(0.0, "period of rolling and pitching", "s", ge=0)
+    body_roll_deg: float = key(0.0, "roll of the body; with a period its amplitude", "deg", ge=-180, le=180)
+    body_pitch_deg: float = key(0.0, "pitch of the body; with a period its amplitude", "deg", ge=-90, le=90)
+    body_period_s: float = key(0.0, "period of rolling and pitching; 0: steady", "s", ge=0)
     gimbal_bias_deg: float = key(0.0, "bias of the azimuth gimbal", "deg")
     height_m: float = key(0.0, "height", "m")
     height_change_m: float = key(0.0, "climb over the whole duration, smooth", "m")

@@ -149,11 +149,11 @@ def _sentence(top: type[BaseModel], e: dict[str, Any]) -> str:
             return f"[{name}]: no such section" + (
                 f"; did you mean {shown}?" if near else f"; the sections are {', '.join(known)}"
             )
-        if near:
-            return f"{place}: no such key; did you mean {near}? type {near} = {typed(value)}"
         homes = [s for s, f in top.model_fields.items() if name in getattr(_model_in(f.annotation), "model_fields", {})]
         if homes:
             return f"{place}: no such key here; it belongs under [{homes[0]}]"
+        if near:
+            return f"{place}: no such key; did you mean {near}? type {near} = {typed(value)}"
         return f"{place}: no such key; the keys here are {', '.join(known)}"
     if kind == "missing":
         if len(names) == 1 and not isinstance(loc[-1], int):

@@ -87,6 +87,11 @@ def unread(study: Study) -> list[str]:
         notes.append(f'[input] {", ".join(others)}: not used by kind "auv"; left out')
     if study.filter.constraints:
         notes.append(f'[filter] constraints {", ".join(study.filter.constraints)}: not used by kind "auv"; left out')
+    if study.imu is not None and study.imu.calibration is not None:
+        notes.append('[imu] calibration: not applied by kind "auv" yet; the imu table is used as it is')
+    velocity = [k for k in study.start.model_fields_set if k.startswith(("v_", "std_v_"))]
+    if velocity:
+        notes.append(f'[start] {", ".join(sorted(velocity))}: kind "auv" finds the velocity itself; left out')
     return notes
 
 

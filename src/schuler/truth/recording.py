@@ -54,7 +54,10 @@ class Recording:
 def simulate(
     mission: AuvMission, suite: SensorSuite, *, seed: int = 0, run: int = 0, reference_hz: float | None = 10.0
 ) -> Recording:
-    """One run of a mission, whole. The reference has rows at reference_hz (None: every IMU epoch), and one at 0."""
+    """One run of a mission, whole. The reference has rows at reference_hz (None: every IMU epoch), and one at 0.
+
+    A rate that the IMU's is no multiple of becomes the nearest one that fits.
+    """
     return next(stream(mission, suite, seed=seed, run=run, reference_hz=reference_hz, chunk_s=mission.duration))
 
 
@@ -71,6 +74,8 @@ def stream(
     motion = mission.realise(seed, run, suite.imu_rate_hz)
     rate = motion.rate_hz
     n = round(chunk_s * rate)
+    if reference_hz is not None and not reference_hz > 0.0:
+        raise InputError(f"reference_hz = {reference_hz:g} must be above 0")
     if n < 1:
         raise InputError(f"chunk_s = {chunk_s:g} is shorter than one IMU interval: type at least {1.0 / rate:g}")
     if suite.imu_kind not in ("rates", "increments"):

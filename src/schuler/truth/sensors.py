@@ -419,11 +419,11 @@ class AttitudeGauge(Sensor):
 
 
 class Truth(Sensor):
-    """The reference table and the true current."""
+    """The reference table and the true current, at the nearest rate to rate_hz that fits the epochs."""
 
     def __init__(self, motion: AuvMotion, suite: SensorSuite, seed: int, run: int, rate_hz: float) -> None:
         super().__init__(motion, suite, seed, run)
-        self.step = self.stride(rate_hz)
+        self.step = max(1, round(motion.rate_hz / rate_hz))
 
     def feed(self, s: Stretch) -> Columns:
         rows = due(s, self.step, first=True)

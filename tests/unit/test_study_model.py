@@ -201,7 +201,7 @@ def test_files_that_do_not_exist_are_named(tmp_path):
     ("content", "said"),
     [
         (b"[study\nname = 3", "is not valid TOML: Expected ']' at the end of a table declaration (at line 1"),
-        (b"[study]\nname = 'x'\nname = 'y'", "at line 3"),
+        (b"[study]\nname = 'x'\nname = 'y'\n", "at line 3"),
         (b"", "is empty"),
         (b"\xff\xfe\x00", "not text in UTF-8"),
         (b"# only a comment\n", "is empty"),

@@ -108,7 +108,7 @@ def imu_columns(
         turn_unit = _guess_turn(turn[good], as_rates, dt, kind, turn_name, who, notes)
     elif (quantity_of(turn_unit) == "angle") != (kind == "increments"):
         raise InputError(
-            f"{who}: the gyro is in {turn_unit} and the accelerometer in {push_unit}; give both as rates (rad/s, m/s^2) "
+            f"{who}: the gyro is in {turn_unit}, the accelerometer in {push_unit}; give both as rates (rad/s, m/s^2) "
             "or both as increments (rad, m/s)"
         )
     turn = _scale(turn, turn_unit)

@@ -223,9 +223,9 @@ class Work:
                 advice = f"correct the values, or the unit: {n}[{usual}]"
                 if unit_text(u)[1].startswith("rad"):
                     advice = f"these are probably degrees: write {n}[deg]"
+                reach = np.nanmax(np.abs(values[n]))
                 raise InputError(
-                    f"{self.who}: {n} is said to be in {u} but reaches {np.nanmax(np.abs(values[n])):.6g}, more than is "
-                    f"possible; {advice}"
+                    f"{self.who}: {n} is said to be in {u} but reaches {reach:.6g}, more than is possible; {advice}"
                 )
         if names[0] == "lat" and np.nanmax(np.abs(values["lat"])) < 1.58 and np.nanmax(np.abs(values["lon"])) < 3.15:
             if not bare and unit_text(self.found["lat"].unit)[1] == "deg":

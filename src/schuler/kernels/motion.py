@@ -21,8 +21,8 @@ SURFACE, TRACK, CIRCLE = 0, 1, 2
 CHANNELS = 6
 DEGREE = 8  # coefficients of a piece
 
-# Parameters: kind, follow (bank and pitch from the path), gravity of the bank, extra (0 none, 1 mount, 2 cone), mount (4)
-# or cone angle and rate, then CIRCLE: n0 (3), t0 (3), rate, height.
+# Parameters: kind, follow (bank and pitch from the path), gravity of the bank, extra (0 none, 1 mount, 2 cone), mount
+# (4) or cone angle and rate, then CIRCLE: n0 (3), t0 (3), rate, height.
 KIND, FOLLOW, BANK_G, EXTRA, MOUNT, N0, T0, RATE, HEIGHT = 0, 1, 2, 3, 4, 8, 11, 14, 15
 PARAMETERS = 16
 
@@ -328,7 +328,7 @@ def _interval(t0, dt, hint, pos, par, earth, breaks, coefs, waves, gc, gb, ga, c
         rn = re * (1.0 - e2) / ww + h0
         for i in range(m):
             rates[i, 0] = vs[i, 0] / rn
-        for sweep in range(2):
+        for _ in range(2):
             for i in range(m):
                 x = 0.0
                 y = 0.0
@@ -367,7 +367,8 @@ def _interval(t0, dt, hint, pos, par, earth, breaks, coefs, waves, gc, gb, ga, c
 
 @njit(cache=True, error_model="numpy")
 def generate(k0, n, rate, pos, par, earth, breaks, coefs, waves, gc, gb, ga, every, dtheta, dv, rows):
-    """Increments (n, 3) over n intervals of 1/rate from epoch k0; rows (n // every, 10 or 16) of truth; pos (6) carried."""
+    """Increments (n, 3) over n intervals of 1/rate from epoch k0; rows (n // every, 10 or 16) of truth; pos (6) is
+    carried, so that any split into calls gives the same bits."""
     m = gc.size
     ch = np.zeros((CHANNELS, 3))
     vs, ac, ws = np.zeros((m, 3)), np.zeros((m, 3)), np.zeros((m, 3))

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from schuler.ground.earth import WGS84, Ellipsoid, Sphere
+from schuler.ground.earth import WGS84, Ellipsoid, Sphere, sphere
 from schuler.ground.errors import InputError
 from schuler.ground.frames import euler_from_quat, quat_from_euler, quat_multiply
 from schuler.ground.tables import Table
@@ -28,6 +28,8 @@ _STEP = np.array([0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0])  # smooth step 
 _BUMP = np.array([0.0, 0.0, 0.0, 140.0, -420.0, 420.0, -140.0, 0.0])  # its derivative: area 1
 _SPIN = np.array([0.0, 0.0, 0.0, 0.0, 2.5, -3.0, 1.0, 0.0])  # integral of a rate that steps smoothly 0 -> 1
 G_BANK = 9.80665
+# The sphere of the studies: the equatorial radius and g = 9.81 m/s^2, for which the thesis's runs were recomputed.
+TEXTBOOK = sphere(6378137.0, 9.81 * 6378137.0**2)
 
 
 def earth_vector(earth: Ellipsoid) -> Array:
@@ -267,8 +269,8 @@ def _build(
         raise InputError(f"duration_s is {duration}: give how long the trajectory lasts, more than 0 s")
     if abs(lat) > math.radians(89.9) and profiles[SPEED].start != 0.0:
         raise InputError(
-            f"a trajectory of headings cannot begin at latitude {math.degrees(lat):.3f} deg, where north turns too fast; "
-            'use preset = "great-circle"'
+            f"a trajectory of headings cannot begin at latitude {math.degrees(lat):.3f} deg, where north turns too "
+            'fast; use preset = "great-circle"'
         )
     cuts = {0.0}
     for p in profiles:

@@ -184,11 +184,13 @@ def marks(
     points: int = decimate.POINTS,
     told: Array | None = None,
 ) -> dict[str, Any]:
-    """Separate marks over time; where there are too many, those that reach farthest stay (as in a line).
+    """Separate marks over time; where there are too many, the farthest quarter stays, and an even choice of the rest.
 
     told : what hovering tells instead of the value, as %{customdata} of `fmt`, a whole hover template then.
     """
-    rows = decimate.keep([value], points)
+    rows = decimate.thin(len(value), points - points // 4)
+    if len(rows) < len(value):
+        rows = np.union1d(rows, np.argsort(-np.abs(np.nan_to_num(value)), kind="stable")[: points // 4])
     hover: dict[str, Any] = {"hovertemplate": "%{y:" + fmt + "}"}
     if told is not None:
         hover = {"customdata": pool.add(told[rows]), "hovertemplate": fmt}
@@ -292,10 +294,11 @@ def stack(id: str, title: str, panels: Sequence[Panel], axis: TimeAxis, caption:
                 }
             )
         for trace in panel.traces:
-            name = trace["name"]
+            name = label(trace["name"])
             data.append(
                 {
                     **trace,
+                    "name": name,
                     "xaxis": "x",
                     "yaxis": f"y{suffix}",
                     "legendgroup": name,
@@ -331,15 +334,17 @@ def plan(
     west, east, south, north = box
     wide, high = max(east - west, 1e-3), max(north - south, 1e-3)
     height = int(np.clip((width_px - 90) * high / wide + _TOP_PX + _BOTTOM_PX, *height_px))
+    metric = {"zeroline": False, "exponentformat": "none", "separatethousands": True}
     layout = {
         "height": height,
         "margin": {"l": _LEFT_PX, "r": _RIGHT_PX, "t": _TOP_PX, "b": _BOTTOM_PX},
         "hovermode": "closest",
-        "xaxis": {"title": {"text": labels[0], "standoff": 8}, "range": [west, east], "zeroline": False},
+        "separators": ". ",
+        "xaxis": {"title": {"text": labels[0], "standoff": 8}, "range": [west, east], **metric},
         "yaxis": {
             "title": {"text": labels[1], "standoff": 6},
             "range": [south, north],
-            "zeroline": False,
+            **metric,
             "scaleanchor": "x",
             "scaleratio": 1,
         },

@@ -33,6 +33,7 @@ class Grid:
     caption: str = ""
     left: int = 1  # columns set to the left
     tones: Sequence[str] = ()  # one a row: "" | "warn"
+    groups: Sequence[tuple[str, int]] = ()  # titles above the head: words, columns they span
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from schuler.report import figures
 from schuler.report.figures import Pool, TimeAxis
 
 Array = NDArray[np.float64]
+_SURFACE_M = 2.0  # shallower than this is the surface
 
 
 @dataclass(frozen=True)
@@ -205,7 +206,7 @@ class View:
 
     @cached_property
     def dives(self) -> list[Dive]:
-        """Stretches without fixes, in order, as summary.json tells them."""
+        """Dives without fixes, in order, as summary.json tells them."""
         time = self.filter.time
         if not len(time):
             return []
@@ -223,9 +224,17 @@ class View:
             end = float(near[0]["time_s"]) if near else float(entry["end_s"])
             last = end - 1e-6 if near else end + 1e-6
             row = int(np.searchsorted(time, last, side="left")) - 1
-            if row >= 0:
+            if row >= 0 and self._went_under(start, end):
                 found.append(Dive(start, end, row, entry, near[0] if near else None))
         return found
+
+    def _went_under(self, start: float, end: float) -> bool:
+        """Where a depth table tells: a wait between two fixes at the surface is no dive."""
+        table = self.result.tables.get("depth")
+        if table is None or not len(table):
+            return True
+        depth = table["depth"][(table.time > start) & (table.time < end)]
+        return bool((depth > _SURFACE_M).any())
 
     @property
     def innovations(self) -> Sequence[Innovations]:

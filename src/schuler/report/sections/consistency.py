@@ -19,6 +19,10 @@ from schuler.report.view import View
 Array = NDArray[np.float64]
 # Two-sided 99 % of chi-square per degree of freedom, for the dashed lines of one moment.
 _ONE_MOMENT = {1: (3.9e-5, 7.88), 2: (0.0050, 5.30), 3: (0.0239, 4.28)}
+_NIS = (
+    "NIS: squared innovation in units of its stated sigma, per degree of freedom. The bounds are those of the mean of "
+    "so many independent innovations."
+)
 _REACH = 5.0  # sigmas shown of an innovation
 _NAMES = {"gnss_position": "GNSS position", "gnss_velocity": "GNSS velocity", "dvl": "DVL", "speed": "speed log"}
 
@@ -42,7 +46,7 @@ def innovations(view: View) -> Section | None:
 
 
 def _panel(view: View, kind: Innovations, i: int) -> Panel:
-    scale, unit = (1.0 / DEG, "deg") if kind.unit == "rad" else (1.0, kind.unit)
+    scale, unit = _shown(kind.unit)
     name = title_of(kind.kind) + (f"\n{kind.components[i]}" if len(kind.components) > 1 else "")
     panel = Panel(f"{name}, σ", zero=True, height=92, span=(-_REACH - 0.4, _REACH + 0.4))
     with np.errstate(all="ignore"):
@@ -199,7 +203,12 @@ def _nis_grid(view: View) -> Grid | None:
     if not rows:
         return None
     head = ["measurement", "used", "left out", "rms (typical sigma)", "mean NIS", "99 % bounds", "verdict"]
-    return Grid(head, rows, "NIS: squared innovation in units of its stated sigma, per degree of freedom.", tones=tones)
+    return Grid(head, rows, _NIS, tones=tones)
+
+
+def _shown(unit: str) -> tuple[float, str]:
+    """(factor from SI, unit as printed)."""
+    return (1.0 / DEG, "deg") if unit == "rad" else (1.0, unit.replace("^2", "²"))
 
 
 def _sizes(kind: Innovations | None) -> str:
@@ -207,7 +216,7 @@ def _sizes(kind: Innovations | None) -> str:
     if kind is None or not np.asarray(kind.used, bool).any():
         return number(None)
     used = np.asarray(kind.used, bool)
-    scale, unit = (1.0 / DEG, "deg") if kind.unit == "rad" else (1.0, kind.unit)
+    scale, unit = _shown(kind.unit)
     value, std = kind.value[used] * scale, kind.std[used] * scale
     if not (np.isfinite(value).any() and np.isfinite(std).any()):
         return number(None)

@@ -65,7 +65,8 @@ def _against_truth(view: View, dives: list[Dive]) -> tuple[str, str, list[Tile]]
     else:
         verdict = (
             f"At the end of {plural(len(dives), 'dive')} {_without(view)}, {seconds(float(np.median(lasted)))} each, "
-            f"the track is {metres(float(error.mean()))} from the truth on average, {metres(float(error.max()))} at worst"
+            f"the track is {metres(float(error.mean()))} from the truth on average and "
+            f"{metres(float(error.max()))} at worst"
         )
         if math.isfinite(share):
             verdict += f", {number(share, 2)} % of the distance travelled"
@@ -78,7 +79,7 @@ def _against_truth(view: View, dives: list[Dive]) -> tuple[str, str, list[Tile]]
             verdict += "."
     tiles = [
         Tile(
-            "Error at the end of the dive" if len(dives) == 1 else "Error at the ends, mean",
+            "Error at the dive's end" if len(dives) == 1 else "Error at the ends, mean",
             *_split(metres(float(error.mean()))),
             note=f"filter's 1 sigma: {metres(said)}",
             tone=tone,
@@ -95,7 +96,7 @@ def _against_truth(view: View, dives: list[Dive]) -> tuple[str, str, list[Tile]]
     if smoothed:
         rms = float(np.sqrt(np.mean(np.square(smoothed))))
         verdict += f" Smoothed with the fixes that came later, the track in between is {metres(rms)} (rms) off."
-        tiles.append(Tile("Smoothed track, rms", *_split(metres(rms)), note="over the same stretch, afterwards"))
+        tiles.append(Tile("Smoothed track, rms", *_split(metres(rms)), note="the same stretch, afterwards"))
     return verdict, tone, tiles + _nees_tile(view)
 
 
@@ -190,7 +191,7 @@ def _nees_tile(view: View) -> list[Tile]:
     if inside is None:
         return []
     note = (
-        f"position NEES {number(c.get('nees_position'), 2)} (1 expected)" if c.get("nees_position") is not None else ""
+        f"position NEES {number(c.get('nees_position'), 2)}, 1 is ideal" if c.get("nees_position") is not None else ""
     )
     return [Tile("Errors inside 3 sigma", number(100.0 * inside, 3), "%", note)]
 

@@ -30,13 +30,14 @@ def figures_table(view: View) -> Section | None:
 def _errors(view: View) -> Grid | None:
     errors = view.summary.get("errors") or {}
     who = [(key, word) for key, word in (("filter", "filter"), ("smoother", "smoothed")) if errors.get(key)]
-    head = ["error", "unit"] + [f"{word} {s}" for _, word in who for _, s in _STATISTICS]
+    head = ["error", "unit", *(s for _ in who for _, s in _STATISTICS)]
+    groups = [("", 2), *((word, len(_STATISTICS)) for _, word in who)]
     rows = []
     for key, name, unit in _ROWS:
         cells = [((errors[w].get(key)) or {}).get(s) for w, _ in who for s, _ in _STATISTICS]
         if any(c is not None for c in cells):
             rows.append([name, unit, *(number(c) for c in cells)])
-    return Grid(head, rows, "Against the reference, all rows that it covers.", left=2) if rows else None
+    return Grid(head, rows, "Against the reference, at all moments that it covers.", 2, groups=groups) if rows else None
 
 
 def _outages(view: View) -> Grid | None:
@@ -90,11 +91,21 @@ def _float(value: Any) -> float | None:
 
 def assumed(view: View) -> Section | None:
     sentences = list(dict.fromkeys([*view.result.notes, *view.result.navigation.notes]))
-    folded = [(f"Settings in [{name}]", grid) for name, grid in _settings(view.result.study)]
-    if not sentences and not folded:
+    settings = _settings(view.result.study)
+    if not sentences and not settings:
         return None
+    shown = [
+        _titled(grid, "[noise]: 1 sigma of the sensors, where a table does not say.")
+        for n, grid in settings
+        if n == "noise"
+    ]
+    folded = [(f"Settings of [{name}]", grid) for name, grid in settings if name != "noise"]
     lead = "What was taken for granted, converted, left out or found on the way." if sentences else ""
-    return Section("assumed", "What was assumed", lead, sentences=sentences, folded=folded)
+    return Section("assumed", "What was assumed", lead, grids=shown, sentences=sentences, folded=folded)
+
+
+def _titled(grid: Grid, caption: str) -> Grid:
+    return Grid(grid.head, grid.rows, caption, grid.left)
 
 
 def _settings(study: Any) -> list[tuple[str, Grid]]:
@@ -154,6 +165,10 @@ def _value(value: Any) -> str:
     return str(value)
 
 
+def _clock(time: float) -> str:
+    return f"{time:.2f}".rstrip("0").rstrip(".").replace("-", "−")
+
+
 def made(view: View) -> Section | None:
     by = view.result.made_by
     rows = [
@@ -172,12 +187,12 @@ def made(view: View) -> Section | None:
         if "time" in table and len(table) > 1:
             step = float(np.median(np.diff(table.time)))
             rate = 1.0 / step if step > 0 else math.nan
-            covers = f"{number(table.time[0], 6)} … {number(table.time[-1], 6)} s"
+            covers = f"{_clock(table.time[0])} … {_clock(table.time[-1])} s"
         inputs.append(
             [
                 name,
                 f"{len(table)}",
-                f"{number(rate)} Hz" if rate >= 0.1 else f"every {seconds(1 / rate)}",
+                f"{rate:.4g} Hz" if rate >= 0.1 else f"every {seconds(1 / rate)}",
                 covers,
                 str(table.source),
             ]

@@ -13,7 +13,14 @@ from schuler.report.parts import Grid, Section, number
 from schuler.report.view import View
 
 Array = NDArray[np.float64]
-_TITLES = {"accel_bias": "accelerometer bias", "mag_bias": "magnetometer bias", "speed_scale": "speed-log scale"}
+_TITLES = {
+    "accel_bias": "accelerometer bias",
+    "mag_bias": "magnetometer bias",
+    "gnss_bias": "GNSS bias",
+    "dvl_scale": "DVL scale",
+    "speed_scale": "speed-log scale",
+    "path_scale": "depth-rate speed scale",
+}
 
 
 def gyro_biases(view: View) -> Section | None:
@@ -133,4 +140,4 @@ def name_of(name: str) -> str:
 
 
 def _short(name: str) -> str:
-    return name_of(name).replace("accelerometer", "accel.")
+    return name_of(name).replace("accelerometer", "accel.").replace("depth-rate speed", "path")

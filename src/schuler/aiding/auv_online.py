@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.aiding.auv_settings import AuvSettings, Start, configuration, heading_offset_std, initial_variances
+from schuler.aiding.auv_settings import AuvSettings, Start, configuration, initial_variances
 from schuler.ground.errors import InputError
 
 Array = NDArray[np.float64]
@@ -427,9 +427,8 @@ class AuvFilter:
             if st.heading is not None:
                 heading, std_heading = st.heading, st.std_heading or math.radians(5.0)
             elif w.mag is not None:
-                heading, std_heading = self._compass_heading(roll, pitch, w.mag), math.hypot(
-                    heading_offset_std(s, False), 3.0 * s.mag_std
-                )
+                # One reading starts it; the readings to come then tell how much of it was the compass offset.
+                heading, std_heading = self._compass_heading(roll, pitch, w.mag), math.radians(20.0)
             elif math.isfinite(course):
                 heading, std_heading = course, course_std
             else:

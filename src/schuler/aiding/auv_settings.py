@@ -72,15 +72,15 @@ class AuvSettings:
     speed_walk: float | None = None  # m/s/sqrt(s): 0.03 with a log, 0.01 from depth rate
     path_scale_std: float = 0.1
     position_walk: float = 0.02  # m/sqrt(s): what no state explains
-    down_walk: float = 0.1
+    down_walk: float = 0.06
     surface_depth: float = 3.0
     # how the filter works
     antenna: Vector = (0.0, 0.0, 0.0)
     dvl_arm: Vector = (0.0, 0.0, 0.0)
     speed_arm: Vector = (0.0, 0.0, 0.0)
     level_block: float = 10.0
-    level_floor: float = 2e-3  # m/s^2
-    consider_after: float = 20.0  # s without a fix: levelling no longer moves heading and its gyro bias
+    level_floor: float = 1.5e-3  # m/s^2
+    consider_after: float = inf  # s without a fix after which levelling leaves heading and its gyro bias alone (Schmidt)
     gate: bool = True
     gap: float = 60.0
     imu_gap: float = 0.5

@@ -59,9 +59,11 @@ from .auv_state import (
     LT,
     LV0,
     MAG_STD,
+    MH,
     MODE,
     MS,
     MT,
+    MVAR,
     OMEGA,
     QUAT,
     RATE,
@@ -77,6 +79,7 @@ from .auv_state import (
     TINFO,
     VHREF,
     WAVE,
+    WOBBLE,
     ZD,
     ZDT,
     CLAT,
@@ -84,7 +87,9 @@ from .auv_state import (
     N,
     T,
     U,
+    carry_covariance,
     correct,
+    forward_axis,
     reset_levelling,
 )
 from .rotation import dcm_from_quat, wrap_pi
@@ -163,7 +168,11 @@ def apply(x, P, c, H, r, R, m, consider):
     d = np.zeros(N)
     for a in range(m):
         scalar_update(P, d, H[a], r[a], R[a], consider)
+    a0, a1, a2 = forward_axis(x)
+    u = x[U]
     correct(x, c, d)
+    b0, b1, b2 = forward_axis(x)
+    carry_covariance(P, c, a0, a1, a2, u, b0, b1, b2, x[U])
 
 
 @njit(cache=True, error_model="numpy")
@@ -175,19 +184,6 @@ def record(out, S, r, m, nis, used):
     out[6] = nis
     out[7] = m
     out[8] = used
-
-
-@njit(cache=True, error_model="numpy")
-def _heading_row(x, c, h):
-    """d(heading error)/d(error state) into h."""
-    if c[MODE] > 0.5:
-        h[E_M] = -1.0
-        return
-    c00, c01, c02, c10, c11, c12, c20, c21, c22 = dcm_from_quat(x[QUAT], x[QUAT + 1], x[QUAT + 2], x[QUAT + 3])
-    h2 = max(c00 * c00 + c10 * c10, 1e-6)
-    h[0] = c00 * c20 / h2
-    h[1] = c10 * c20 / h2
-    h[2] = -1.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -224,10 +220,10 @@ def _turned(x, ax, ay, az):
 
 
 @njit(cache=True, error_model="numpy")
-def _excess(nis, c):
-    """By how many S a scalar outlier's variance grows, so that its pull stops at the 99.9 % bound."""
-    if nis > LIMIT1 and c[GATE] > 0.5:
-        return nis / LIMIT1 - 1.0
+def _excess(nis, limit, c):
+    """By how many S an outlier's variance grows, so that its pull stops at the 99.9 % bound and never locks out."""
+    if nis > limit and c[GATE] > 0.5:
+        return nis / limit - 1.0
     return 0.0
 
 
@@ -343,7 +339,7 @@ def measure_speed(x, P, X, c, z, s, out):
     S = innovation_covariance(P, H, R, 1)
     nis = nis_of(S, r, 1)
     record(out, S, r, 1, nis, 1.0)
-    R[0] += _excess(nis, c) * S[0, 0]
+    R[0] += _excess(nis, LIMIT1, c) * S[0, 0]
     x[SNIS] += 0.2 * (min(nis, 100.0) - x[SNIS])
     apply(x, P, c, H, r, R, 1, np.zeros(N))
     x[TINFO] = x[T]
@@ -371,14 +367,17 @@ def measure_dvl(x, P, X, c, zx, zy, s, out):
     H[0, E_KD], H[1, E_KD] = bx, by
     r = np.zeros(3)
     r[0], r[1] = g * bx - zx, g * by - zy
-    R = np.array([s * s, s * s])
+    # Near the surface (a fix was there just now) the waves' orbital motion moves the vehicle over ground.
+    wave = c[WAVE] if x[T] - x[TFIX] < 5.0 else 0.0
+    R = np.full(2, s * s + wave * wave)
     S = innovation_covariance(P, H, R, 2)
     nis = nis_of(S, r, 2)
-    used = 1.0 if nis < 2.0 * LIMIT2 or c[GATE] < 0.5 else 0.0
-    record(out, S, r, 2, nis, used)
-    if used > 0.0:
-        apply(x, P, c, H, r, R, 2, np.zeros(N))
-        x[TINFO] = x[T]
+    record(out, S, r, 2, nis, 1.0)
+    more = _excess(nis, LIMIT2, c)
+    R[0] += more * S[0, 0]
+    R[1] += more * S[1, 1]
+    apply(x, P, c, H, r, R, 2, np.zeros(N))
+    x[TINFO] = x[T]
 
 
 @njit(cache=True, error_model="numpy")
@@ -392,7 +391,7 @@ def measure_depth(x, P, X, c, z, s, out):
     S = innovation_covariance(P, H, R, 1)
     nis = nis_of(S, r, 1)
     record(out, S, r, 1, nis, 1.0)
-    R[0] += _excess(nis, c) * S[0, 0]
+    R[0] += _excess(nis, LIMIT1, c) * S[0, 0]
     apply(x, P, c, H, r, R, 1, np.zeros(N))
     if x[ZDT] > -1e300 and x[T] > x[ZDT]:
         x[DRATE] = (z - x[ZD]) / (x[T] - x[ZDT])
@@ -409,17 +408,19 @@ def measure_heading(x, P, X, c, out):
     r = np.zeros(3)
     r[0] = -wrap_pi(x[MS] / x[MT])
     H = np.zeros((1, N))
-    _heading_row(x, c, H[0])
+    H[0, 0], H[0, 1], H[0, 2] = x[MH] / x[MT], x[MH + 1] / x[MT], -1.0
     H[0, E_M] = 1.0
-    R = np.array([c[MAG_STD] * c[MAG_STD]])
+    # How far the noise averages out within a block depends on its colour: the variance follows the innovations.
+    top = c[MAG_STD] * c[MAG_STD]
+    R = np.array([x[MVAR] if x[MVAR] > 0.0 else top])
     S = innovation_covariance(P, H, R, 1)
     nis = nis_of(S, r, 1)
-    used = 1.0 if nis < 2.0 * LIMIT1 or c[GATE] < 0.5 else 0.0
-    x[MT] = 0.0
-    x[MS] = 0.0
-    record(out, S, r, 1, nis, used)
-    if used > 0.0:
-        apply(x, P, c, H, r, R, 1, np.zeros(N))
+    seen = R[0] + 0.05 * (min(r[0] * r[0], 9.0 * S[0, 0]) - S[0, 0])
+    x[MVAR] = min(max(seen, 0.04 * top), 9.0 * top)
+    x[MT] = x[MS] = x[MH] = x[MH + 1] = 0.0
+    record(out, S, r, 1, nis, 1.0)
+    R[0] += _excess(nis, LIMIT1, c) * S[0, 0]
+    apply(x, P, c, H, r, R, 1, np.zeros(N))
 
 
 @njit(cache=True, error_model="numpy")
@@ -438,6 +439,8 @@ def measure_level(x, P, X, c, out):
         mean = x[LSV + i] / t
         slope = x[LSTV + i] - 0.5 * t * x[LSV + i]
         wobble += 0.5 * max(0.0, x[LSVV + i] / t - mean * mean - slope * slope * 12.0 / t**4)
+    # A short block can miss a wave: the last block's wobble is remembered.
+    wobble, x[WOBBLE] = max(wobble, 0.5 * x[WOBBLE]), wobble
     coriolis = 2.0 * OMEGA * math.sin(x[LAT])
     r = np.zeros(3)
     r[0] = f_n - (vn - x[LV0]) / t - coriolis * ve
@@ -458,12 +461,13 @@ def measure_level(x, P, X, c, out):
     R[1] = R[0]
     S = innovation_covariance(P, H, R, 2)
     nis = nis_of(S, r, 2)
-    used = 1.0 if nis < 2.0 * LIMIT2 or c[GATE] < 0.5 else 0.0
-    record(out, S, r, 2, nis, used)
+    record(out, S, r, 2, nis, 1.0)
+    more = _excess(nis, LIMIT2, c)
+    R[0] += more * S[0, 0]
+    R[1] += more * S[1, 1]
     consider = np.zeros(N)
     if x[T] - x[TFIX] > c[CONSIDER_S]:
         consider[2] = 1.0
         consider[E_BG + 2] = 1.0
-    if used > 0.0:
-        apply(x, P, c, H, r, R, 2, consider)
+    apply(x, P, c, H, r, R, 2, consider)
     reset_levelling(x)

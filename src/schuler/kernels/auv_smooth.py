@@ -17,6 +17,8 @@ from .auv_state import (
     CLAT,
     DRIFT,
     E_BG,
+    E_CE,
+    E_CN,
     E_D,
     E_E,
     E_N,
@@ -31,15 +33,18 @@ from .auv_state import (
     RN,
     VHREF,
     N,
+    U,
     correct,
+    forward_axis,
     refresh_earth,
+    turn_error,
 )
 from .rotation import quat_product, rotvec_from_quat, wrap_pi
 
 
 @njit(cache=True, error_model="numpy")
-def difference(a, b, d):
-    """d (N) = a [-] b: the error of a if b were the truth."""
+def difference(c, a, b, d):
+    """d (N) = a [-] b: the error of a if b were the truth; undoes `correct`."""
     e0, e1, e2, e3 = quat_product(
         b[QUAT], b[QUAT + 1], b[QUAT + 2], b[QUAT + 3], a[QUAT], -a[QUAT + 1], -a[QUAT + 2], -a[QUAT + 3]
     )
@@ -51,6 +56,12 @@ def difference(a, b, d):
     d[E_D] = b[HGT] - a[HGT]
     for i in range(E_U, N):
         d[i] = a[i + 1] - b[i + 1]
+    f0, f1, f2 = turn_error(c, d)
+    a0, a1, a2 = forward_axis(a)
+    b0, b1, b2 = forward_axis(b)
+    u = a[U]
+    d[E_CN] += u * a0 - b[U] * b0 - (u * (a1 * f2 - a2 * f1) + a0 * d[E_U])
+    d[E_CE] += u * a1 - b[U] * b1 - (u * (a2 * f0 - a0 * f2) + a1 * d[E_U])
 
 
 @njit(cache=True, error_model="numpy")
@@ -132,7 +143,7 @@ def smooth(nn, c, nx, nP, ux, uP, nX):
                 if uP[i, a, a] < 0.0:
                     uP[i, a, a] = 0.0
             correct(ux[i], c, dpost[i])
-        difference(nx[i], ux[i], dpre[i])
+        difference(c, nx[i], ux[i], dpre[i])
     return dpre, dpost
 
 

@@ -34,7 +34,9 @@ SNIS, TINFO, DRIFT, TROW = 69, 70, 71, 72  # speed NIS average, last speed infor
 ZD, ZDT, DRATE = 73, 74, 75  # last depth measured, when, its rate
 REJ_P, REJ_V, TFIX, HREF, VHREF = 76, 77, 78, 79, 80
 ROLL, PITCH, HEAD, ROWS = 81, 82, 83, 84  # last compass row (mode 1), rows seen
-NX = 88
+WOBBLE, MVAR = 85, 86  # velocity variance seen in the last levelling block, variance of a magnetometer block
+MH = 87  # integral of d(field azimuth)/d(tilt north, east) over the magnetometer block (2)
+NX = 90
 
 # --- error state (P) ---------------------------------------------------------------------------------------------
 E_PHI, E_BG, E_BA, E_N, E_E, E_D, E_U, E_K, E_CN, E_CE, E_M = 0, 3, 6, 9, 10, 11, 12, 13, 14, 15, 16
@@ -166,8 +168,7 @@ def advance_imu(x, P, X, c, t1, gx, gy, gz, fx, fy, fz, has_mag, mx, my, mz):
     _move(x, c00, c10, c20, dt)
     if gap:
         reset_levelling(x)
-        x[MT] = 0.0
-        x[MS] = 0.0
+        x[MT] = x[MS] = x[MH] = x[MH + 1] = 0.0
     else:
         ax, ay, az = fx - x[BA], fy - x[BA + 1], fz - x[BA + 2]
         an = c00 * ax + c01 * ay + c02 * az
@@ -198,6 +199,9 @@ def advance_imu(x, P, X, c, t1, gx, gy, gz, fx, fy, fz, has_mag, mx, my, mz):
             # The field points to magnetic north: seen east of the estimated north by (declination - heading error).
             x[MT] += dt
             x[MS] += wrap_pi(c[DECLINATION] - math.atan2(be, bn) - x[M]) * dt
+            bd = (c20 * mx + c21 * my + c22 * mz) / max(bn * bn + be * be, 1e-30)
+            x[MH] += bd * bn * dt
+            x[MH + 1] += bd * be * dt
     x[T] = t1
     x[TROW] = t1
 
@@ -348,13 +352,33 @@ def flush(x, P, X, c):
 
 
 @njit(cache=True, error_model="numpy")
-def correct(x, c, d):
-    """Takes the estimated error d (N) out of the nominal state and out of the running blocks."""
-    imu = c[MODE] < 0.5
-    f0, f1, f2 = d[0], d[1], d[2]
-    if not imu:
-        f0, f1, f2 = 0.0, 0.0, d[E_M]
+def forward_axis(x):
+    """C_nb (1, 0, 0)."""
     c00, c01, c02, c10, c11, c12, c20, c21, c22 = dcm_from_quat(x[QUAT], x[QUAT + 1], x[QUAT + 2], x[QUAT + 3])
+    return c00, c10, c20
+
+
+@njit(cache=True, error_model="numpy")
+def turn_error(c, d):
+    """Attitude error in n of the error state d: phi, or with a compass its offset about down."""
+    if c[MODE] < 0.5:
+        return d[0], d[1], d[2]
+    return 0.0, 0.0, d[E_M]
+
+
+@njit(cache=True, error_model="numpy")
+def correct(x, c, d):
+    """Takes the estimated error d (N) out of the nominal state and out of the running blocks.
+
+    The current is corrected so that the velocity over ground, u forward + current, moves by exactly its linear share:
+    what GNSS velocity cannot tell apart (heading and current) must stay untold when the heading moves far.
+    """
+    imu = c[MODE] < 0.5
+    f0, f1, f2 = turn_error(c, d)
+    a0, a1, a2 = forward_axis(x)
+    u = x[U]
+    ground_n = u * a0 + x[CN] - (u * (a1 * f2 - a2 * f1) + a0 * d[E_U] + d[E_CN])
+    ground_e = u * a1 + x[CE] - (u * (a2 * f0 - a0 * f2) + a1 * d[E_U] + d[E_CE])
     rotate_state_quat(x, QUAT, f0, f1, f2)
     for i in range(E_BG, E_N):
         x[i + 1] -= d[i]
@@ -363,6 +387,9 @@ def correct(x, c, d):
     x[HGT] += d[E_D]
     for i in range(E_U, N):
         x[i + 1] -= d[i]
+    a0, a1, a2 = forward_axis(x)
+    x[CN] = ground_n - x[U] * a0
+    x[CE] = ground_e - x[U] * a1
     if imu:
         s0, s1, s2 = x[LS], x[LS + 1], x[LS + 2]
         x[LS] += f1 * s2 - f2 * s1
@@ -374,6 +401,29 @@ def correct(x, c, d):
         v0, v1 = x[LV0], x[LV0 + 1]
         x[LV0] -= f2 * v1
         x[LV0 + 1] += f2 * v0
-        h2 = max(c00 * c00 + c10 * c10, 1e-6)
-        turned = f2 - (c00 * c20 * f0 + c10 * c20 * f1) / h2
-        x[MS] += (-turned + d[E_M]) * x[MT]
+        x[MS] += (d[E_M] - f2) * x[MT] + x[MH] * f0 + x[MH + 1] * f1
+
+
+@njit(cache=True, error_model="numpy")
+def carry_covariance(P, c, a0, a1, a2, u, b0, b1, b2, w):
+    """P after a correction that took the forward axis from a to b and the speed from u to w.
+
+    The error of the velocity over ground keeps its covariance; the current's is what remains of it on the new axis.
+    """
+    imu = c[MODE] < 0.5
+    t0, t1, t2 = u * a0 - w * b0, u * a1 - w * b1, u * a2 - w * b2
+    s0, s1 = a0 - b0, a1 - b1
+    for j in range(N):
+        if imu:
+            p0, p1, p2 = P[0, j], P[1, j], P[2, j]
+        else:
+            p0, p1, p2 = 0.0, 0.0, P[E_M, j]
+        P[E_CN, j] += t1 * p2 - t2 * p1 + s0 * P[E_U, j]
+        P[E_CE, j] += t2 * p0 - t0 * p2 + s1 * P[E_U, j]
+    for i in range(N):
+        if imu:
+            p0, p1, p2 = P[i, 0], P[i, 1], P[i, 2]
+        else:
+            p0, p1, p2 = 0.0, 0.0, P[i, E_M]
+        P[i, E_CN] += t1 * p2 - t2 * p1 + s0 * P[i, E_U]
+        P[i, E_CE] += t2 * p0 - t0 * p2 + s1 * P[i, E_U]

@@ -81,7 +81,10 @@
   for (const figure of content.figures) {
     const node = document.getElementById(figure.id);
     Plotly.newPlot(node, figure.data.map(real), dress(figure.layout), {
-      responsive: true, displaylogo: false, modeBarButtons: [["zoom2d", "pan2d", "resetScale2d", "toImage"]],
+      responsive: true,
+      displaylogo: false,
+      displayModeBar: window.innerWidth > 640 ? "hover" : false,
+      modeBarButtons: [["zoom2d", "pan2d", "resetScale2d", "toImage"]],
       toImageButtonOptions: { format: "svg", filename: figure.id.replace(/^fig-/, "schuler-") },
     });
     if (figure.time) {
@@ -94,7 +97,7 @@
   // Paper is narrower than a screen.
   const nodes = content.figures.map((f) => document.getElementById(f.id));
   window.addEventListener("beforeprint", function () {
-    for (const n of nodes) Plotly.relayout(n, { width: n.parentElement.className === "half" ? 325 : 670 });
+    for (const n of nodes) Plotly.relayout(n, { width: n.parentElement.className === "half" ? 330 : 680 });
   });
   window.addEventListener("afterprint", function () {
     for (const n of nodes) Plotly.relayout(n, { width: null, autosize: true });

@@ -38,6 +38,8 @@ def run(arguments: Sequence[str]) -> int:
 
         status = build()(args=arguments, prog_name="schuler", standalone_mode=False)
         sys.stdout.flush()
+        if status == STOPPED:  # how newer parsers hand on a KeyboardInterrupt
+            say("stopped; nothing was written")
         return int(status or 0)
     except SchulerError as error:
         if debug:

@@ -81,6 +81,8 @@ def check_overlap(study: Study, inputs: Inputs, main: str) -> None:
 
     A reference that shares no time is left out with a note: nothing but the judging needs it.
     """
+    if len(inputs.tables[main]) < 2:
+        raise InputError(f"[input] {main}: {_file(study, main)} has one row; nothing can be navigated with it")
     first, last = span(inputs.tables[main])
     faults = []
     for name, table in inputs.tables.items():

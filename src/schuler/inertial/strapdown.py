@@ -197,6 +197,15 @@ class Strapdown:
         times = ends[1::2] if pairs else ends
         return _track(times[every - 1 :: every], raw)
 
+    def restart(self, start: Start) -> None:
+        """Takes another position, velocity and attitude; what was learnt of the motion inside the intervals is kept."""
+        from schuler.kernels import mechanization as kernel
+
+        memory = self._state[kernel.MEMORY :].copy()
+        kernel.begin(self._state, self._earth, start.lat, start.lon, start.height, *start.v_n, *start.q_nb)
+        self._state[kernel.MEMORY :] = memory
+        self.time = start.time
+
     def step(self, dtheta: ArrayLike, dv: ArrayLike, dt: float) -> Track:
         """One sample."""
         return self.feed(np.asarray(dtheta, dtype=np.float64)[None], np.asarray(dv, dtype=np.float64)[None], dt)

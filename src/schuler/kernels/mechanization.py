@@ -38,6 +38,7 @@ AIDED = 2  # third-order loop on a measured height
 # State of the loop: [quaternion w<-b, its carry, velocity w, quaternion e<-w, its carry, height, its carry,
 # last three (dtheta, dv), last three dt, samples seen, vertical loop's acceleration]
 STATE = 44
+MEMORY = 21  # from here on: the increments, what a change of position or attitude leaves alone
 
 # Earth: [semi-major axis, e^2, rotation rate, equator gravity, Somigliana k, f, m, 1 if sphere]
 EARTH = 8

@@ -43,9 +43,10 @@ class PlatformCase:
     height, height_change : above the figure of the Earth; z of the commands follows.
     drift, drift_ramp : rad/s, rad/s^2. accel_bias : measured = f - bias. gimbal_bias : of the azimuth gimbal.
     drift_carried : the drift was there during alignment, so that the integrators hold its opposite at the start.
-    known_rates : the exact algorithm's p, q start from the known Earth rate instead of the command.
-    z_scale : z of the commands over the true one. tilt : rotation of the platform at the start (phi_x, phi_y, psi)
-    beyond what alignment leaves. velocity_error : at the start, along axes 1 and 2 of the platform.
+    known_rates : the position-independent algorithm's p, q start from the known Earth rate instead of the command.
+    z_scale : z of the commands, R_GMM = 1/(k_I k_G k_F), over the true one; the algorithm takes the command as it is.
+    tilt : rotation of the platform at the start (phi_x, phi_y, psi) beyond what alignment leaves.
+    velocity_error : at the start, along axes 1 and 2 of the platform.
     """
 
     lat: float
@@ -419,7 +420,7 @@ SENSITIVITIES: tuple[tuple[str, str, dict[str, Any]], ...] = (
     ("tilt at the start about axis 2", "0.1 mrad", {"tilt": (0.0, 1e-4, 0.0)}),
     ("velocity at the start along axis 1", "0.1 m/s", {"velocity_error": (0.1, 0.0)}),
     ("velocity at the start along axis 2", "0.1 m/s", {"velocity_error": (0.0, 0.1)}),
-    ("z of the commands", "100 ppm", {"z_scale": 1e-4}),
+    ("z of the commands, R_GMM/z - 1", "100 ppm", {"z_scale": 1e-4}),
 )
 
 

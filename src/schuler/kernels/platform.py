@@ -118,16 +118,16 @@ def start(code, par, y):
             p -= par[DRIFT1]
             q -= par[DRIFT2]
         zc = dist * par[Z_SCALE]
-        y[4], y[5] = p / (1.0 + par[KT1]) - d2 / zc, q / (1.0 + par[KT2]) + d1 / zc
+        p, q = p / (1.0 + par[KT1]), q / (1.0 + par[KT2])
+        y[4], y[5] = p - d2 / zc, q + d1 / zc
+        if par[KNOWN] == 1.0:
+            p, q, r = turn(h0, -h1, -h2, -h3, 0.0, 0.0, w_e)
+        y[14], y[15] = p - d2 / zc, q + d1 / zc
     if code == EXACT:
         y[6], y[7], y[8], y[9] = h0, h1, h2, h3
         x1, x2, x3 = turn(h0, -h1, -h2, -h3, ux, uy, dist * sp)
         u1, u2, u3 = turn(h0, -h1, -h2, -h3, -w_e * uy, w_e * ux, 0.0)
         y[10], y[11], y[12], y[13] = x1, x2, u1 + d1, u2 + d2
-        y[14], y[15] = y[4], y[5]
-        if par[KNOWN] == 1.0:
-            p, q, r = turn(h0, -h1, -h2, -h3, 0.0, 0.0, w_e)
-            y[14], y[15] = p - d2 / zc, q + d1 / zc
     elif code <= LITERAL_COSINES:
         # rates of the m frame and the angles themselves, to the order of (15)
         g1, g2, g3 = turn(n0, -n1, -n2, -n3, vx - w_e * uy, vy + w_e * ux, vz)
@@ -225,12 +225,11 @@ def rates(code, t, y, par, b1, b2, b3, dy):
         f1, f2, f3 = turn(y[0], -y[1], -y[2], -y[3], fx, fy, fz)
         f1, f2 = (1.0 + par[KA1]) * f1 - par[BA1], (1.0 + par[KA2]) * f2 - par[BA2]
         zc = dist * par[Z_SCALE]
-        p, q = y[4], y[5]
         dy[4], dy[5] = -f2 / zc, f1 / zc  # (12)
-        spin(y, 0, (1.0 + par[KT1]) * p + b1, (1.0 + par[KT2]) * q + b2, b3, dy)
+        spin(y, 0, (1.0 + par[KT1]) * y[4] + b1, (1.0 + par[KT2]) * y[5] + b2, b3, dy)
+        p, q = y[14], y[15]  # the command as the algorithm knows it
+        dy[14], dy[15] = dy[4], dy[5]
         if code == EXACT:
-            p, q = y[14], y[15]
-            dy[14], dy[15] = dy[4], dy[5]
             spin(y, 6, p, q, 0.0, dy)
             x1, x2 = y[10], y[11]
             x3 = math.sqrt(dist * dist - x1 * x1 - x2 * x2)
@@ -244,8 +243,8 @@ def rates(code, t, y, par, b1, b2, b3, dy):
             d = ix * ix + iy * iy + 1.0 / (k * k)
             g = par[GM] / par[RADIUS] ** 3 * k / (d * math.sqrt(d))
             both = q * iy + p * ix
-            dy[6] = -(wx + p) * dist1 / dist - k * p * both + dy[4] + g * ix  # (15)
-            dy[7] = -(wy + q) * dist1 / dist - k * q * both + dy[5] + g * iy
+            dy[6] = -(wx + p) * dist1 / dist - k * p * both + dy[14] + g * ix  # (15)
+            dy[7] = -(wy + q) * dist1 / dist - k * q * both + dy[15] + g * iy
             dy[8], dy[9] = (p - wx) / k, (q - wy) / k
             rm = 0.0
             if code == CORRECTED or code == CORRECTED_COSINES:

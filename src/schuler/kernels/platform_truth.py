@@ -44,9 +44,9 @@ _jit = njit(cache=True, error_model="numpy")
     KT1,
     KT2,
     KT3,
-    Z_SCALE,  # z of the commands (12) relative to the true one (1)
+    Z_SCALE,  # z of the commands (12), R_GMM = 1/(k_I k_G k_F), over the true one
     CARRIED,  # 0 the drift steps on at the switch, 1 it was there during alignment
-    KNOWN,  # 1: the algorithm's p, q start from the known Earth rate, not from the command
+    KNOWN,  # 1: the algorithm's p, q start from the known Earth rate, not from the command of alignment
     DRIFT1,
     DRIFT2,
     DRIFT3,

@@ -1,0 +1,222 @@
+"""From the keys of [platform] to a `PlatformCase`, and what a study may not ask for, as sentences."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from schuler.ground.errors import InputError, StudyError
+from schuler.inertial.platform import RADIUS, PlatformCase
+from schuler.inertial.platform_alignment import Loop, azimuth_loop, levelling_loop
+
+if TYPE_CHECKING:
+    from schuler.studies.model import PlatformSection, Study
+
+DEG = math.pi / 180.0
+DEG_H = DEG / 3600.0
+UG = 9.80665e-6
+_LARGE_DRIFT = 10.0  # deg/h; a platform gyro has 0.001 to 1
+_SMALL_DRIFT = 1e-6  # deg/h; what rad/s typed as deg/h looks like
+_LINEAR_S = 3.0 * 3600.0
+_LINEAR_TURN = 0.02  # rad by which a drift may turn the platform before second order shows
+
+
+def section_of(study: Study) -> PlatformSection:
+    """The [platform] section, with its defaults where it is absent."""
+    from schuler.studies.model import PlatformSection
+
+    return study.platform if study.platform is not None else PlatformSection()
+
+
+def check(p: PlatformSection) -> None:
+    """StudyError with every fault of the section."""
+    faults = [*_drift_faults(p), *_motion_faults(p), *_loop_faults(p)]
+    if not p.algorithms:
+        faults.append('[platform] algorithms: is empty; type algorithms = ["position-independent", "free-azimuth"]')
+    if "at_s" in p.model_fields_set:
+        late = [t for t in p.at_s if not 0.0 <= t <= p.duration_s]
+        if late:
+            faults.append(f"[platform] at_s: {late[0]:g} s is outside the run of {p.duration_s:g} s")
+    if faults:
+        raise StudyError(faults)
+
+
+def _drift_faults(p: PlatformSection) -> list[str]:
+    if p.trust_units:
+        return []
+    faults = []
+    for value in p.drift_deg_per_h:
+        if abs(value) > _LARGE_DRIFT:
+            faults.append(
+                f"[platform] drift_deg_per_h: {value:g} deg/h is {value / 3600.0:.3g} deg/s, and platform gyros drift by "
+                "0.001 to 1 deg/h: was it converted from deg/s? Type the drift in deg/h, or trust_units = true if it is right"
+            )
+        elif 0.0 < abs(value) < _SMALL_DRIFT:
+            faults.append(
+                f"[platform] drift_deg_per_h: {value:g} deg/h is less than any gyro drifts; in rad/s it would be "
+                f"{value / DEG_H:.3g} deg/h. Type the drift in deg/h; if it is right add trust_units = true"
+            )
+    return faults
+
+
+def _motion_faults(p: PlatformSection) -> list[str]:
+    faults = []
+    moves = p.lat_change_deg != 0.0 or p.lon_change_deg != 0.0
+    if p.motion == "rest" and moves:
+        faults.append(
+            '[platform] motion: "rest" came with lat_change_deg or lon_change_deg; type motion = "constant-rates"'
+        )
+    if p.start_ramp_s >= p.duration_s:
+        faults.append(
+            f"[platform] start_ramp_s: {p.start_ramp_s:g} s does not end before the run of {p.duration_s:g} s does"
+        )
+        return faults
+    if RADIUS + min(p.height_m, p.height_m + p.height_change_m) <= 0.0:
+        faults.append(
+            f"[platform] height_m: {p.height_m:g} m puts z, the distance from the Earth's centre, to "
+            f"{RADIUS + min(p.height_m, p.height_m + p.height_change_m):g} m; type a height above ground, in metres"
+        )
+        return faults
+    end = p.lat_deg + p.lat_change_deg
+    if abs(end) >= 90.0:
+        faults.append(
+            f"[platform] lat_change_deg: from {p.lat_deg:g} deg it leads over a pole ({end:g} deg), where north and "
+            f"east lose their meaning; type at most {math.copysign(90.0, end) - p.lat_deg:+.4g}"
+        )
+    elif moves and p.motion == "constant-rates":
+        case = _moving(p)
+        rate, limit = case.command_rate() / DEG_H, p.torquer_limit_deg_per_h
+        if rate > limit:
+            faults.append(
+                f"[platform] lat_change_deg, lon_change_deg: the motion of {case.speed():.0f} m/s, with the Earth's, "
+                f"asks the torquers for {rate:.0f} deg/h and they give {limit:g}; type a longer duration_s, or "
+                "torquer_limit_deg_per_h of a faster platform"
+            )
+    return faults
+
+
+def _moving(p: PlatformSection) -> PlatformCase:
+    return PlatformCase(
+        lat=p.lat_deg * DEG,
+        lat_change=p.lat_change_deg * DEG,
+        lon_change=p.lon_change_deg * DEG,
+        duration=p.duration_s,
+        start_ramp=p.start_ramp_s,
+        height=p.height_m,
+    )
+
+
+def _loop_faults(p: PlatformSection) -> list[str]:
+    try:
+        loops_of(p)
+    except InputError as error:
+        return [f"[platform.alignment]: {error}"]
+    return []
+
+
+def loops_of(p: PlatformSection) -> tuple[Loop, Loop]:
+    """Levelling and azimuth loop. InputError with the pole where one is not stable."""
+    a = p.alignment
+    return (
+        levelling_loop(a.level_rad_per_s, a.damping, a.lag_s),
+        azimuth_loop(a.azimuth_rad_per_s, a.damping, a.lag_s),
+    )
+
+
+def case_of(p: PlatformSection) -> PlatformCase:
+    """The case in SI."""
+    moves = p.motion == "constant-rates"
+    b1, b2, b3 = (x * DEG_H for x in p.drift_deg_per_h)
+    r1, r2, r3 = (x * DEG_H / 3600.0 for x in p.drift_ramp_deg_per_h2)
+    t1, t2, t3 = (x * 1e-6 for x in p.torquer_scale_ppm)
+    return PlatformCase(
+        lat=p.lat_deg * DEG,
+        lon=p.lon_deg * DEG,
+        heading=p.heading_deg * DEG,
+        lat_change=p.lat_change_deg * DEG * moves,
+        lon_change=p.lon_change_deg * DEG * moves,
+        duration=p.duration_s,
+        start_ramp=p.start_ramp_s,
+        height=p.height_m,
+        height_change=p.height_change_m,
+        earth=p.earth,
+        drift=(b1, b2, b3),
+        drift_ramp=(r1, r2, r3),
+        accel_bias=(p.accel_bias_ug[0] * UG, p.accel_bias_ug[1] * UG),
+        accel_scale=(p.accel_scale_ppm[0] * 1e-6, p.accel_scale_ppm[1] * 1e-6),
+        torquer_scale=(t1, t2, t3),
+        gimbal_bias=p.gimbal_bias_deg * DEG,
+        drift_carried=p.drift_at_switch == "carried",
+    )
+
+
+def walk_of(p: PlatformSection) -> tuple[float, float, float]:
+    """Random walk of the drifts, rad/s/sqrt(s)."""
+    a, b, c = (x * DEG_H / 60.0 for x in p.drift_walk_deg_per_h_per_sqrt_h)
+    return a, b, c
+
+
+def notes_of(study: Study, p: PlatformSection, case: PlatformCase) -> list[str]:
+    """What a user should know about the study before reading its figures."""
+    notes = [
+        f"heading_deg = {p.heading_deg:g} counts from north to west; on a compass the platform's axis 1 points to "
+        f"{(-p.heading_deg) % 360.0:g} deg"
+    ]
+    if case.speed() > 0.0 and case.start_ramp == 0.0:
+        notes.append(
+            f"the motion begins with a velocity step of {_first_speed(case):.0f} m/s at 0 s, felt by accelerometers "
+            "and commands; start_ramp_s makes it gentle"
+        )
+    turn = max(
+        abs(b) * case.duration + 0.5 * abs(r) * case.duration**2
+        for b, r in zip(case.drift, case.drift_ramp, strict=True)
+    )
+    if case.duration > _LINEAR_S or turn > _LINEAR_TURN:
+        notes.append(
+            f"beyond the linear range: in {case.duration:g} s a drift turns the platform by {turn:.2g} rad, and closed "
+            f"forms and first-order theory leave out about half of that as a share of the error ({50.0 * turn:.2g} %); "
+            "they also take the Earth's turn for small beyond 3 h. The simulations stay exact"
+        )
+    if "as-published" in p.algorithms and case.drift[2] != 0.0:
+        notes.append(
+            "as-published is the source's error model, not a platform: for channel 3 its heading is not turned by the "
+            "drift, which no real platform can do"
+        )
+    if p.earth == "ellipsoid":
+        notes.append(
+            "ellipsoid: lat_deg is the latitude of minus the mass attraction (GM, J2); solution.csv holds geodetic "
+            f"latitude, {math.degrees(_geodetic(case)):.6f} deg at the start. The algorithms go on with a sphere of "
+            "constant z, and as-published, first-order theory and closed forms are those of the sphere"
+        )
+    if any(x != 0.0 for x in p.drift_deg_per_h) and p.drift_at_switch == "carried":
+        notes.append(
+            "drift carried: alignment has put the opposite of the drift into the commands; the platform does not move, "
+            "but the algorithm, which takes the command for the rate, errs as if the drift stepped on"
+        )
+    sections = (
+        "input",
+        "start",
+        "imu",
+        "camera",
+        "sweep",
+        "align",
+        "mission",
+        "trajectory",
+        "outage",
+        "errors",
+        "filter",
+    )
+    unread = [name for name in sections if name in study.model_fields_set]
+    notes += [f'[{name}]: not read by kind "platform"; left out' for name in unread]
+    return notes
+
+
+def _first_speed(case: PlatformCase) -> float:
+    east = case.lon_change * math.cos(case.lat)
+    return (RADIUS + case.height) * math.hypot(case.lat_change, east) / case.duration
+
+
+def _geodetic(case: PlatformCase) -> float:
+    from schuler.truth.platform import geodetic_from_mass
+
+    return float(geodetic_from_mass(case.lat, case.height))

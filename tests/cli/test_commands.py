@@ -256,3 +256,15 @@ def test_help_is_quick():
         if statistics.median(seconds(code) for _ in range(3)) < 0.6:
             return
     pytest.fail("schuler --help takes more than 0.6 s")
+
+
+def test_a_sweep_judges_many_outages(trial, program):
+    with open(trial / "study.toml", "a") as file:
+        file.write("[sweep]\nlength_s = [10, 500]\nsettle_s = 10\n")
+    done = program("run", trial / "study.toml")
+    assert done.status == 0, done.err
+    short, long = json.loads((trial / "trial-result" / "summary.json").read_text())["sweep"]
+    assert set(short) == {"length_s", "windows", "filter_end_m", "smoother_max_m", "nees_half"}
+    assert short["windows"] >= 3 and 0 < short["filter_end_m"]["p50"] <= short["filter_end_m"]["p95"] < 30
+    assert long["windows"] == 0 and long["filter_end_m"]["p50"] is None
+    assert "no outage fits" in done.out and "outages of 10 s" in done.out

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.aiding.solution import Navigation
+from schuler.ground.errors import InputError
 from schuler.ground.tables import Table
 from schuler.judging import consistency, outages
 from schuler.judging.errors import circular, distance, error_series, summary
@@ -37,8 +38,16 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
     tables, withheld, each = withhold(study, inputs)
     progress("navigating")
     navigation = navigate(study, tables, inputs.declination)
+    if len(navigation.filter) == 0:
+        raise InputError(
+            "the filter gave no row: no fix or start lies inside the recording; schuler check FILE says more"
+        )
     progress("judging")
-    notes = [*inputs.notes, *not_estimated(study), *unread(study), *navigation.notes]
+    over, more = swept(study, inputs, progress)
+    notes = [*inputs.notes, *not_estimated(study), *unread(study), *navigation.notes, *more]
+    told = judged(study, made_by(study, seed), navigation, inputs, tables, each, notes)
+    if study.sweep is not None:
+        told["sweep"] = over
     return Result(
         study=study,
         made_by=made_by(study, seed),
@@ -47,7 +56,7 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
         truth_states=inputs.truth_states,
         tables=tables,
         withheld=withheld,
-        summary=judged(study, made_by(study, seed), navigation, inputs, tables, each, notes),
+        summary=told,
         notes=notes,
     )
 
@@ -79,7 +88,7 @@ def navigate(study: Study, tables: dict[str, Table], declination: float | None =
 
 def unread(study: Study) -> list[str]:
     """Sections and tables that the study names and this kind does not read, as sentences."""
-    sections = ("camera", "sweep", "align", "trajectory", "platform")
+    sections = ("camera", "align", "trajectory", "platform")
     notes = [f'[{name}]: not read by kind "auv"; left out' for name in sections if name in study.model_fields_set]
     known = {"imu", "gnss", "speed", "dvl", "depth", "attitude", "reference"}
     others = [name for name in study.input.tables if name not in known]
@@ -105,9 +114,7 @@ def judged(
     notes: list[str],
 ) -> dict[str, Any]:
     """The content of summary.json."""
-    m, n = study.mounting, study.noise
-    # a simulated truth describes the IMU itself, unless [mounting] says otherwise; the simulation follows it then
-    arm = m.reference_frd_m
+    arm = study.mounting.reference_frd_m  # a simulation follows it too
     reference = inputs.reference
     series = smooth = None
     if reference is not None:
@@ -115,8 +122,7 @@ def judged(
         if navigation.smoother is not None:
             smooth = error_series(navigation.smoother, reference, arm)
     gnss = tables.get("gnss")
-    correlated = n.gnss_correlated_m if study.filter.method == "schuler" else 0.0
-    fix: dict[str, Any] = {"gnss_m": n.gnss_m, "correlated_m": correlated, "antenna_frd": m.antenna_frd_m}
+    fix = _fix(study)
     track = navigation.smoother or navigation.filter
     length = distance(reference["lat"], reference["lon"]) if reference is not None else distance(track.lat, track.lon)
     told: dict[str, Any] = {
@@ -131,26 +137,56 @@ def judged(
             "smoother": None if smooth is None else circular(smooth.horizontal),
         },
         "consistency": consistency.consistency(series, navigation.innovations),
-        "outages": [
-            outages.outage(
-                navigation,
-                rows,
-                o.sensor,
-                o.start_s,
-                o.end_s,
-                reference,
-                reference_frd=arm,
-                delay=study.input.gnss_delay_s,
-                **fix,
-            )
-            for o, rows in each
-        ],
+        "outages": [outage_of(study, reference, navigation, o.sensor, rows, o.start_s, o.end_s) for o, rows in each],
         "dives": outages.dives(navigation, gnss, reference, reference_frd=arm),
         "surfacings": outages.surfacings(navigation, gnss, **fix),
         "states": states(navigation, inputs.truth_states),
         "notes": notes,
     }
     return told
+
+
+def _fix(study: Study) -> dict[str, Any]:
+    """What a fix is like: its sigma where std_ is absent, its slow error, where the antenna is."""
+    correlated = study.noise.gnss_correlated_m if study.filter.method == "schuler" else 0.0
+    return {"gnss_m": study.noise.gnss_m, "correlated_m": correlated, "antenna_frd": study.mounting.antenna_frd_m}
+
+
+def outage_of(
+    study: Study, reference: Table | None, navigation: Navigation, sensor: str, rows: Table, start: float, end: float
+) -> dict[str, Any]:
+    """One entry of "outages" of summary.json."""
+    return outages.outage(
+        navigation,
+        rows,
+        sensor,
+        start,
+        end,
+        reference,
+        reference_frd=study.mounting.reference_frd_m,
+        delay=study.input.gnss_delay_s,
+        **_fix(study),
+    )
+
+
+def swept(study: Study, inputs: Inputs, progress: Progress) -> tuple[list[dict[str, Any]], list[str]]:
+    """ "sweep" of summary.json; [[outage]] has no part in it."""
+    from schuler.studies.sweep import sweep
+
+    if study.sweep is None:
+        return [], []
+    sensor = study.sweep.sensor
+    if sensor not in inputs.tables:
+        return [], [f"[sweep] sensor: there is no {sensor} table to withhold rows from; left out"]
+    return sweep(
+        inputs.tables,
+        sensor,
+        study.sweep.length_s,
+        study.sweep.settle_s,
+        lambda tables: navigate(study, tables, inputs.declination),
+        lambda navigation, rows, a, b: outage_of(study, inputs.reference, navigation, sensor, rows, a, b),
+        progress,
+    )
 
 
 def states(navigation: Navigation, truth: dict[str, tuple[Array, Array]]) -> dict[str, Any]:

@@ -31,6 +31,7 @@ def figures(result: Result) -> list[str]:
         lines += _dives(dives)
     for outage in s.get("outages") or []:
         lines.append(_outage(outage))
+    lines += [_swept(entry) for entry in s.get("sweep") or []]
     if surfacings:
         lines += _surfacings(surfacings)
     lines += _whole(s)
@@ -105,6 +106,17 @@ def _outage(o: dict[str, Any]) -> str:
         f"sigma {metres(o.get('sigma_end_m'))}{_nees(o['nees_half_end'])}"
     )
     return line + (f"; smoothed at most {metres(smooth)}" if smooth is not None else "")
+
+
+def _swept(e: dict[str, Any]) -> str:
+    end, smooth = e["filter_end_m"], e["smoother_max_m"]
+    line = (
+        f"{e['windows']} outages of {e['length_s']:g} s: error at the end {metres(end['p50'])} (median), "
+        f"{metres(end['p95'])} for 95 %"
+    )
+    if smooth["p50"] is not None:
+        line += f"; smoothed at most {metres(smooth['p50'])} (median)"
+    return line + (f"; NEES/2 {e['nees_half']:.2f}" if e["nees_half"] is not None else "")
 
 
 def _surfacings(found: list[dict[str, Any]]) -> list[str]:

@@ -106,7 +106,7 @@ def test_size_and_sections(demo: str) -> None:
 def test_the_verdict_is_in_words() -> None:
     result = fake(seed=11)
     text = " ".join(Reader(page(result)).text)
-    assert re.search(r"After 5\d\d s under water without GPS the track ends [\d.]+ m from the truth", text)
+    assert re.search(r"After 5\d\d\ss under water without GPS the track ends [\d.]+\sm from the truth", text)
     assert "consistent" in text
 
 

@@ -110,10 +110,21 @@ class Panel:
     lines: Sequence[tuple[float, str]] = ()  # level marks: value, what it is
 
 
+def gapped(time: Array, *values: Array) -> tuple[Array, ...]:
+    """(time, *values) with NaN in the gaps of the series, so that lines and bands stop where the rows stop."""
+    if len(time) < 3:
+        return time, *values
+    step = np.diff(time)
+    far = np.flatnonzero(step > max(8.0 * float(np.median(step)), 1e-6))
+    middle = 0.5 * (time[far] + time[far + 1])
+    return np.insert(time, far + 1, middle), *(np.insert(v, far + 1, np.nan) for v in values)
+
+
 def line(
     pool: Pool, axis: TimeAxis, time: Array, value: Array, name: str, color: str, fmt: str = ".3~g", **style: Any
 ) -> dict[str, Any]:
-    """A decimated line over time."""
+    """A decimated line over time; it stops where the rows stop."""
+    time, value = gapped(time, value)
     rows = decimate.keep([value])
     return {
         "type": "scatter",
@@ -141,6 +152,10 @@ def estimate(
 ) -> list[dict[str, Any]]:
     """A line with its k-sigma band: around zero (an error) or around the estimate itself (a state)."""
     usable = std is not None and bool(np.isfinite(std).any())
+    if usable and std is not None:
+        time, value, std = gapped(time, value, std)
+    else:
+        time, value = gapped(time, value)
     rows = decimate.keep([value, std] if usable and std is not None else [value])
     x = pool.add(axis.of(time[rows]))
     y = pool.add(value[rows])
@@ -203,16 +218,6 @@ def marks(
         "name": name,
         "marker": {"color": color, "size": size, "symbol": symbol},
     }
-
-
-def gapped(time: Array, *values: Array) -> tuple[Array, ...]:
-    """(time, *values) with NaN in the gaps of the series, so that lines and bands stop where the rows stop."""
-    if len(time) < 3:
-        return time, *values
-    step = np.diff(time)
-    far = np.flatnonzero(step > max(8.0 * float(np.median(step)), 1e-6))
-    middle = 0.5 * (time[far] + time[far + 1])
-    return np.insert(time, far + 1, middle), *(np.insert(v, far + 1, np.nan) for v in values)
 
 
 def stack(id: str, title: str, panels: Sequence[Panel], axis: TimeAxis, caption: str = "") -> Figure | None:

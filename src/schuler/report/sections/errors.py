@@ -32,8 +32,9 @@ def _error_panel(view: View, which: str, cov: str, i: int, label: str, scale: fl
         error = getattr(track.errors, which)[:, i]
         if np.isfinite(error).any():
             std = roots(getattr(track.errors, cov))[:, i]
-            time, error, std = figures.gapped(track.errors.time, error * scale, std * scale)
-            panel.traces += figures.estimate(view.pool, view.axis, time, error, std, name, color, fmt=fmt, order=order)
+            panel.traces += figures.estimate(
+                view.pool, view.axis, track.errors.time, error * scale, std * scale, name, color, fmt=fmt, order=order
+            )
     return panel
 
 

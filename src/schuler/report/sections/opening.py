@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from schuler.judging.consistency import chi2_quantile
 from schuler.report.parts import NONE, Opening, Tile, metres, number, plural, seconds
 from schuler.report.view import Dive, View
 
+_UNITS = r"(\d) (?=(?:%|m|km|s|min|h|days|deg|sigma)\b|%)"  # a figure and its unit stay on one line
 _RARE = 0.01  # a verdict of "not consistent" is wrong once in a hundred honest filters
 
 
@@ -22,7 +24,7 @@ def aided(view: View) -> Opening:
     parts.append("simulated" if view.simulated else "recorded")
     if (seed := view.result.made_by.get("seed")) is not None and view.simulated:
         parts[-1] += f", seed {seed}"
-    return Opening(view.name, " · ".join(parts), verdict, tone, tiles)
+    return Opening(view.name, " · ".join(parts), re.sub(_UNITS, "\\1\u00a0", verdict), tone, tiles)
 
 
 def _without(view: View) -> str:
@@ -203,7 +205,8 @@ def _nis_tile(view: View) -> list[Tile]:
     note = (
         f"99 % bounds {number(nis.get('low'), 2)} to {number(nis.get('high'), 2)}" if nis.get("low") is not None else ""
     )
-    return [Tile("NIS of the fixes", number(nis["mean"], 2), "", note)]
+    tone = "warn" if nis.get("high") is not None and nis["mean"] > nis["high"] else ""
+    return [Tile("NIS of the fixes", number(nis["mean"], 2), "", note, tone)]
 
 
 def _plausible(inside: int, count: int) -> bool:

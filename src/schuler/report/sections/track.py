@@ -158,10 +158,10 @@ def _map(view: View) -> Figure:
                 "font": {"size": 12, "color": TRUTH},
             }
         )
-    shown = [f.ned[good, :2], *outlines]
+    shown = [f.ned[good, :2]]
     if view.reference is not None:
         shown.append(view.reference["ned"][:, :2])
-    box = _box(shown, 0.06)
+    box = _reached(_box(shown, 0.06), outlines, 0.2)
     caption = "Equal axes. The ellipses hold the filter's 95 % at the end of each stretch without GNSS"
     caption += " and at its quarters." if len(view.dives) <= 3 else "."
     return figures.plan("fig-track", "Track", data, box, caption if outlines else "Equal axes.", annotations)
@@ -175,6 +175,22 @@ def _box(pieces: list[Array], margin: float, least: float = 2.0) -> tuple[float,
     north, east = points.max(axis=0)
     pad = margin * max(east - west, north - south, least)
     return float(west - pad), float(east + pad), float(south - pad), float(north + pad)
+
+
+def _reached(
+    box: tuple[float, float, float, float], outlines: list[Array], most: float
+) -> tuple[float, float, float, float]:
+    """The box widened towards the ellipses by `most` of its size at most: one wild ellipse must not rule the map."""
+    if not outlines:
+        return box
+    wide = _box(outlines, 0.02)
+    room = most * max(box[1] - box[0], box[3] - box[2])
+    return (
+        max(min(box[0], wide[0]), box[0] - room),
+        min(max(box[1], wide[1]), box[1] + room),
+        max(min(box[2], wide[2]), box[2] - room),
+        min(max(box[3], wide[3]), box[3] + room),
+    )
 
 
 def _close(view: View) -> Figure | None:
@@ -276,7 +292,8 @@ def _target(view: View) -> Figure | None:
             "hoverinfo": "skip",
         }
     )
-    half = 1.12 * float(np.abs(np.vstack([miss, *outlines])).max())
+    farthest = float(np.abs(miss).max())
+    half = 1.12 * min(max([farthest, *(float(np.abs(o).max()) for o in outlines)]), 3.0 * max(farthest, 1e-3))
     return figures.plan(
         "fig-misses", "Every surfacing", data, (-half, half, -half, half),
         "Where the filter expected each first fix, against the fix (cross)."
@@ -370,7 +387,7 @@ def surfacings(view: View) -> Section | None:
         head += ["error against the truth", "its 1 sigma", "heading error", "its 1 sigma"]
     rows, tones = [], []
     for i, d in list(enumerate(view.dives, 1))[:_ROWS]:
-        cells = [str(i), number(float(view.axis.of(d.start)), 4), seconds(d.seconds), metres(d.of("distance_m"))]
+        cells = [str(i), _moment(view, d.start), seconds(d.seconds), metres(d.of("distance_m"))]
         cells += _miss_cells(d)
         if truth:
             cells += [metres(d.of("horizontal_end_m")), metres(d.of("sigma_end_m"))]
@@ -384,6 +401,11 @@ def surfacings(view: View) -> Section | None:
     if len(view.dives) > _ROWS:
         caption += f" The first {_ROWS} of {len(view.dives)} are shown."
     return Section("surfacings", "Surfacings", grids=[Grid(head, rows, caption, tones=tones)])
+
+
+def _moment(view: View, time: float) -> str:
+    decimals = {1.0: 0, 60.0: 1, 3600.0: 2}.get(view.axis.unit_s, 3)
+    return f"{float(view.axis.of(time)) + 0.0:.{decimals}f}".replace("-", "−")
 
 
 def _degrees(value: float) -> str:

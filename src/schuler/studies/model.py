@@ -160,6 +160,9 @@ class InputSection(Section):
     rate_hz: float | None = key(None, "for an imu table without a time column", "Hz", gt=0)
     scale_gyro_deg_per_s: float | None = key(None, "the value of one count of a raw gyro", "deg/s", gt=0)
     scale_accel_g: float | None = key(None, "the value of one count of a raw accelerometer", "g", gt=0)
+    gyro_unit: str | None = key(None, 'unit of the imu table\'s gyros whatever its heading says, e.g. "deg/s"')
+    accel_unit: str | None = key(None, 'unit of its accelerometers whatever the heading says, e.g. "g"')
+    trust_units: bool = key(False, "keep the units of the headings although the numbers speak against them")
     declination_deg: float | None = key(
         None, "magnetic variation, east positive, for heading_mag", "deg", ge=-180, le=180
     )
@@ -345,7 +348,17 @@ class TrajectorySection(Section):
     rate_hz: float = key(100.0, "IMU rate", "Hz", gt=0)
     speed_mps: float = key(200.0, "speed over ground", "m/s", ge=0)
     turns_deg: Numbers = key((), "turns, one after the other, clockwise", "deg")
-    earth: Literal["wgs84", "sphere"] = key("wgs84", "figure of the Earth")
+    turn_rate_deg_per_s: float = key(1.5, "fastest rate of a turn", "deg/s", gt=0)
+    climbs_m: Numbers = key((), "change of height in the middle of each leg", "m")
+    climb_rate_mps: float = key(10.0, "fastest rate of a climb", "m/s", gt=0)
+    depth_m: float = key(100.0, "of a dive", "m", gt=0)
+    swing_deg: Three = key((11.459155902616466, 11.459155902616466, 0.0), "oscillation of roll, pitch, heading", "deg")
+    swing_hz: float = key(0.15915494309189535, "frequency of the oscillation", "Hz", gt=0)
+    swing_phase_deg: float = key(90.0, "roll ahead of pitch", "deg")
+    cone_deg: float = key(1.0, "half angle of the cone", "deg", gt=0, lt=180)
+    cone_hz: float = key(5.0, "turns of the cone", "Hz", gt=0)
+    table_deg_per_s: float = key(20.0, "turntable rate, clockwise from above", "deg/s")
+    earth: Literal["wgs84", "sphere"] = key("wgs84", "figure of the Earth; the sphere: 6378137 m, g = 9.81 m/s^2")
 
 
 class ErrorsSection(Section):

@@ -1,0 +1,478 @@
+"""Kind "strapdown": free inertial navigation, simulated from a trajectory or from a recording, and how its error grows.
+
+Simulated: exact truth, the errors of [imu] (drawn) and [errors] (fixed), the mechanization, and beside its error the
+linear model, the closed form at rest and the numerical floor of the same run without errors.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from schuler.aiding.solution import Navigation, Solution
+from schuler.ground.earth import WGS84, Ellipsoid
+from schuler.ground.errors import InputError, StudyError
+from schuler.ground.tables import Table
+from schuler.judging import consistency
+from schuler.judging.errors import circular, distance, error_series, summary
+from schuler.judging.result import Result
+from schuler.studies.inputs import check_gravity, check_overlap, read_tables, to_body
+from schuler.studies.run import DEFAULT_SEED, Progress, made_by, register
+
+if TYPE_CHECKING:
+    from schuler.inertial.error_dynamics import SensorNoise
+    from schuler.inertial.strapdown import Start, Track
+    from schuler.studies.model import Study
+    from schuler.truth.instruments import ImuModel
+    from schuler.truth.trajectories import Trajectory
+
+Array = NDArray[np.float64]
+D = math.pi / 180.0
+PAIRS = ("north", "east")
+
+
+@dataclass
+class Run:
+    """What either way of running gives: the track at the output rate and what it is judged against."""
+
+    track: Track
+    earth: Ellipsoid
+    tables: dict[str, Table]
+    reference: Table | None = None
+    truth_states: dict[str, tuple[Array, Array]] = field(default_factory=dict)
+    told: dict[str, Any] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+
+@register("strapdown")
+def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
+    """Simulates [trajectory] or reads [input] imu, navigates by inertia alone, judges. See `Result`."""
+    simulated = not study.input.tables
+    seed = (DEFAULT_SEED if seed is None else seed) if simulated else None
+    model = imu_model(study)
+    done = simulate(study, model, int(seed or 0), progress) if simulated else recorded(study, progress)
+    progress("covariance")
+    held = study.filter.vertical == "held"
+    cov = covariances(study, model, done, held)
+    track = done.track
+    navigation = Navigation(Solution(track.time, track.lat, track.lon, track.height, track.v_n, track.rpy, *cov))
+    progress("judging")
+    notes = [*done.notes, *track.notes, *unread(study)]
+    made = made_by(study, seed)
+    return Result(
+        study=study,
+        made_by=made,
+        navigation=navigation,
+        reference=done.reference,
+        truth_states=done.truth_states,
+        tables=done.tables,
+        withheld={},
+        summary=judged(study, made, navigation, done, notes),
+        notes=notes,
+    )
+
+
+def imu_model(study: Study) -> ImuModel:
+    """The instrument of [imu] with the fixed biases of [errors]."""
+    from schuler.truth.keys import imu_from_keys
+
+    given = study.imu.model_dump(exclude_none=True) if study.imu is not None else {}
+    fixed = study.errors.model_dump(exclude_none=True) if study.errors is not None else {}
+    return imu_from_keys(given, fixed)
+
+
+def trajectory_of(study: Study) -> Trajectory:
+    """The trajectory of [trajectory], beginning at [start]."""
+    from schuler.studies.model import TrajectorySection
+    from schuler.truth import trajectories as shapes
+
+    t, s = study.trajectory or TrajectorySection(), study.start
+    if s.lat_deg is None:
+        raise StudyError("[start] lat_deg is absent: a simulated trajectory begins there; type lat_deg = 50.0")
+    earth = WGS84 if t.earth == "wgs84" else shapes.TEXTBOOK
+    place = (s.lat_deg * D, (s.lon_deg or 0.0) * D, s.height_m or 0.0)
+    heading = (s.heading_deg or 0.0) * D
+    angles = {"roll": (s.roll_deg or 0.0) * D, "pitch": (s.pitch_deg or 0.0) * D}
+    common: dict[str, Any] = {"duration": t.duration_s, "earth": earth}
+    moving = {"speed": t.speed_mps, "heading": heading, **common}
+    if t.preset == "rest":
+        made = shapes.rest(*place, heading=heading, **angles, **common)
+    elif t.preset == "legs":
+        made = shapes.legs(
+            *place, turns=[x * D for x in t.turns_deg], climbs=t.climbs_m, turn_rate=t.turn_rate_deg_per_s * D,
+            climb_rate=t.climb_rate_mps, **moving,
+        )  # fmt: skip
+    elif t.preset == "great-circle":
+        made = shapes.great_circle(*place, **moving)
+    elif t.preset == "rhumb-line":
+        made = shapes.rhumb_line(*place, **moving)
+    elif t.preset == "dive":
+        made = shapes.dive(*place, depth=t.depth_m, **moving)
+    elif t.preset == "oscillation":
+        roll, pitch, yaw = (x * D for x in t.swing_deg)
+        speed = t.speed_mps if "speed_mps" in t.model_fields_set else 0.0
+        made = shapes.oscillation(
+            *place, roll=roll, pitch=pitch, heading=yaw, rate=2.0 * math.pi * t.swing_hz, phase=t.swing_phase_deg * D,
+            mean_heading=heading, speed=speed, **common,
+        )  # fmt: skip
+    elif t.preset == "coning":
+        made = shapes.coning(*place, cone=t.cone_deg * D, frequency=t.cone_hz, heading=heading, **common)
+    elif t.preset == "turntable":
+        made = shapes.turntable(*place, rate=t.table_deg_per_s * D, heading=heading, **common)
+    else:
+        raise StudyError(
+            '[trajectory] preset = "track" follows the reference of [input]: name it there, as reference = "truth.csv"'
+        )
+    return made
+
+
+def track_of(study: Study, reference: Table) -> Trajectory:
+    """A smooth curve through the rows of a reference table."""
+    from schuler.truth.trajectories import TEXTBOOK, track
+
+    rpy = None
+    if all(c in reference for c in ("roll", "pitch", "heading")):
+        rpy = reference.stack("roll", "pitch", "heading")
+    earth = TEXTBOOK if study.trajectory is not None and study.trajectory.earth == "sphere" else WGS84
+    return track(reference.time, reference["lat"], reference["lon"], reference["height"], rpy, earth=earth)
+
+
+def stride_of(study: Study, rate: float) -> int:
+    """Every how many IMU rows one is written."""
+    wanted = study.output.rate_hz
+    if wanted == "imu":
+        return 1
+    return max(1, round(rate / min(float(wanted), rate)))
+
+
+def simulate(study: Study, model: ImuModel, seed: int, progress: Progress, made: Trajectory | None = None) -> Run:
+    """Truth, measured IMU, navigation, and the same by the linear model, the closed form and without any error."""
+    from schuler.inertial import error_dynamics
+    from schuler.inertial.strapdown import Start, Strapdown
+    from schuler.studies.model import TrajectorySection
+    from schuler.truth.imu_errors import measure
+
+    made = made or trajectory_of(study)
+    rate = (study.trajectory or TrajectorySection()).rate_hz
+    every = stride_of(study, rate)
+    held = study.filter.vertical == "held"
+    progress("exact truth and ideal IMU")
+    level = bool(np.all(made.coefs[:, 1, :8] == 0.0)) and not np.any(made.waves[:, :1] == 1.0) and made.name != "track"
+    need_all = held and not level
+    ideal = made.ideal(rate, every=1 if need_all else every)
+    truth = ideal.truth
+    aids: dict[str, Any] = {}
+    if need_all:
+        aids = {"height": truth.height.copy(), "v_down": truth.v_n[:, 2].copy()}
+        rows = slice(every - 1, None, every)
+        truth = type(truth)(*(getattr(truth, k)[rows] for k in truth.__dataclass_fields__))
+    progress("instrument errors")
+    measured = measure(ideal, model, seed=seed)
+    start = Start.of(ideal.start)
+    progress("navigating")
+    vertical = study.filter.vertical
+
+    def navigate(dtheta: Array, dv: Array) -> Track:
+        ins = Strapdown(start, earth=made.earth, vertical=vertical)
+        return ins.feed(dtheta, dv, ideal.dt, every=every, **aids)
+
+    track = navigate(measured.dtheta, measured.dv)
+    clean = navigate(ideal.dtheta, ideal.dv)
+    track = _at(track, truth.time)
+    progress("linear model")
+    u = np.hstack([measured.dv - ideal.dv, measured.dtheta - ideal.dtheta])
+    n = len(truth) * every
+    u = u[:n].reshape(len(truth), every, 6).sum(axis=1) / (every * ideal.dt)
+    whole = _with_start(ideal.start, truth)
+    linear = error_dynamics.propagate(whole, accel_error=u[:, :3], gyro_error=u[:, 3:], earth=made.earth, held=held)
+    run_errors = track.minus(truth, made.earth)
+    floor = _at(clean, truth.time).minus(truth, made.earth)
+    states = {f"linear_{p}": (whole.time, linear.position[:, i]) for i, p in enumerate(PAIRS)}
+    states |= {f"error_{p}": (truth.time, run_errors.position[:, i]) for i, p in enumerate(PAIRS)}
+    states["linear_down"], states["error_down"] = (
+        (whole.time, linear.position[:, 2]), (truth.time, run_errors.position[:, 2]),
+    )  # fmt: skip
+    for i, axis in enumerate(("tilt_north", "tilt_east", "azimuth")):
+        states[f"linear_{axis}"] = (whole.time, linear.phi[:, i])
+        states[f"error_{axis}"] = (truth.time, run_errors.phi[:, i])
+    states["floor_horizontal"] = (truth.time, floor.horizontal)
+    told = _growth(made, run_errors, linear, floor, held)
+    told |= _closed(
+        made, ideal.start, measured.bias_accel, measured.bias_gyro, whole.time - whole.time[0], states, told
+    )
+    notes = [*made.notes]
+    if np.any(measured.clipped):
+        k = int(np.count_nonzero(measured.clipped.any(axis=1)))
+        notes.append(f"{k} of {n} simulated IMU rows reach the range of the instrument and are clipped there")
+    if abs(float(np.max(np.abs(truth.rpy[:, 1])))) > 85.0 * D:
+        notes.append(
+            "pitch comes within 5 deg of the vertical: roll and heading mean little there, the track is unhurt"
+        )
+    return Run(track, made.earth, {"imu": measured.table()}, truth.table(), states, told, notes)
+
+
+def _at(track: Track, time: Array) -> Track:
+    """The same rows with the truth's stamps (they differ by rounding only)."""
+    from schuler.inertial.strapdown import Track
+
+    return Track(time, track.lat, track.lon, track.height, track.v_n, track.q_nb, track.notes)
+
+
+def _with_start(start: Any, truth: Any) -> Any:
+    fields = ("time", "lat", "lon", "height", "v_n", "q_nb")
+    joined = {k: np.concatenate([getattr(start, k), getattr(truth, k)]) for k in fields}
+    none = np.zeros((len(joined["time"]), 0))
+    return type(truth)(**joined, w_ib_b=none, f_b=none)
+
+
+def _growth(made: Trajectory, errors: Any, linear: Any, floor: Any, held: bool) -> dict[str, Any]:
+    size = float(np.max(errors.horizontal, initial=0.0))
+    gap = np.hypot(*(linear.position[1:, :2] - errors.position[:, :2]).T)
+    told: dict[str, Any] = {
+        "trajectory": made.name,
+        "end_north_m": float(errors.position[-1, 0]),
+        "end_east_m": float(errors.position[-1, 1]),
+        "end_down_m": float(errors.position[-1, 2]),
+        "max_horizontal_m": size,
+        "linear_end_north_m": float(linear.position[-1, 0]),
+        "linear_end_east_m": float(linear.position[-1, 1]),
+        "linear_difference_share": float(np.max(gap, initial=0.0) / size) if size > 1e-3 else None,
+        "floor_horizontal_m": float(np.max(floor.horizontal, initial=0.0)),
+        "floor_vertical_m": float(np.max(np.abs(floor.position[:, 2]), initial=0.0)),
+        "vertical": "held" if held else "free",
+    }
+    return told
+
+
+def _closed(
+    made: Trajectory, start: Any, bias_a: Array, bias_g: Array, t: Array, states: dict[str, tuple[Array, Array]],
+    told: dict[str, Any],
+) -> dict[str, Any]:  # fmt: skip
+    """The closed form for a vehicle at rest at the start with the first biases, and the open-loop formulas."""
+    from schuler.ground.frames import dcm_from_quat
+    from schuler.inertial import error_dynamics
+    from schuler.truth.trajectories import sphere
+
+    lat = float(start.lat[0])
+    if abs(lat) > 89.0 * D or not len(bias_a):
+        return {}
+    C = dcm_from_quat(start.q_nb[0])
+    b_a, b_g = C @ bias_a[0], C @ bias_g[0]
+    r_n, r_e = made.earth.radii(lat)
+    radius = math.sqrt(float(r_n) * float(r_e))
+    ball = sphere(radius, float(made.earth.gravity(lat, start.height[0])) * radius**2)
+    rest = error_dynamics.at_rest(t, lat, accel_error=b_a[:2], gyro_error=b_g, earth=ball)
+    open_a = error_dynamics.open_loop(t, accel=1.0)
+    g = float(ball.gravity(lat))
+    open_g = error_dynamics.open_loop(t, gyro=1.0, g=g)
+    opened = np.outer(open_a, b_a[:2]) + np.outer(open_g, np.array([-b_g[1], b_g[0]]))
+    shift = start.time[0]
+    for i, p in enumerate(PAIRS):
+        states[f"closed_{p}"] = (t + shift, rest.dr[:, i])
+        states[f"open_{p}"] = (t + shift, opened[:, i])
+    return {
+        "closed_end_north_m": float(rest.dr[-1, 0]),
+        "closed_end_east_m": float(rest.dr[-1, 1]),
+        "open_loop_end_m": float(np.hypot(*opened[-1])),
+        "open_loop_accel_holds_s": error_dynamics.open_loop_holds("accel", 0.1, ball),
+        "open_loop_gyro_holds_s": error_dynamics.open_loop_holds("gyro", 0.1, ball),
+        "schuler_period_s": 2.0 * math.pi / error_dynamics.schuler_rate(ball),
+    }
+
+
+# Recordings
+
+
+def recorded(study: Study, progress: Progress) -> Run:
+    """Free inertial navigation of a recording from [start], or from what alignment and the first fix give."""
+    from schuler.inertial import strapdown
+
+    if "imu" not in study.input.tables:
+        if study.trajectory is not None and study.trajectory.preset == "track" and "reference" in study.input.tables:
+            inputs = read_tables(study, progress)
+            assert inputs.reference is not None
+            return simulate(study, imu_model(study), DEFAULT_SEED, progress, track_of(study, inputs.reference))
+        raise StudyError('[input] imu is absent: kind "strapdown" navigates an imu table, or simulates [trajectory]')
+    inputs = read_tables(study, progress)
+    check_overlap(study, inputs, "imu")
+    to_body(study, inputs.tables)
+    check_gravity(study, inputs.tables)
+    start, notes = start_of(study, inputs.tables, inputs.reference)
+    progress("navigating")
+    imu = inputs.tables["imu"]
+    rate = 1.0 / float(np.median(np.diff(imu.time)))
+    track = strapdown.run(imu, start, vertical=study.filter.vertical, every=stride_of(study, rate))
+    return Run(track, WGS84, dict(inputs.tables), inputs.reference, {}, {"trajectory": "recording"}, notes)
+
+
+def start_of(study: Study, tables: dict[str, Table], reference: Table | None) -> tuple[Start, list[str]]:
+    """Where a recording begins: each key of [start] that is given is kept, the others are found."""
+    from schuler.inertial.alignment_filter import align
+    from schuler.inertial.strapdown import Start
+
+    s, notes = study.start, []
+    imu, gnss = tables["imu"], tables.get("gnss")
+    first = float(imu.time[0])
+    time = s.time_s if s.time_s is not None else first
+    place: list[float | None] = [
+        s.lat_deg * D if s.lat_deg is not None else None, s.lon_deg * D if s.lon_deg is not None else None, s.height_m,
+    ]  # fmt: skip
+    v: list[float | None] = [s.v_north_mps, s.v_east_mps, s.v_down_mps]
+    if gnss is not None and len(gnss):
+        row = int(np.argmin(np.abs(gnss.time - time)))
+        for i, c in enumerate(("lat", "lon", "height")):
+            if place[i] is None:
+                place[i] = float(gnss[c][row])
+        for i, c in enumerate(("v_north", "v_east", "v_down")):
+            if v[i] is None and c in gnss:
+                v[i] = float(gnss[c][row])
+        notes.append(f"what [start] does not give of position and velocity is the fix at {gnss.time[row]:.2f} s")
+    if place[0] is None or place[1] is None:
+        raise InputError(
+            "the start position is not known: type [start] lat_deg, lon_deg and height_m, or name a gnss table in [input]"
+        )
+    rpy = [None if x is None else x * D for x in (s.roll_deg, s.pitch_deg, s.heading_deg)]
+    if any(x is None for x in rpy):
+        window = study.align
+        found = align(
+            imu, sensor_errors(study), lat=place[0], lon=place[1], height=place[2] or 0.0, heading=rpy[2],
+            start=None if window is None else window.from_s, to=None if window is None else window.to_s,
+        )  # fmt: skip
+        notes += found.notes
+        if rpy[2] is None and found.std[2] > 30.0 * D:
+            raise InputError(
+                "the heading at the start is not known and these gyros cannot find north: type [start] heading_deg"
+            )
+        if s.time_s is None:
+            time = found.to
+        rpy = [float(found.rpy[i]) if x is None else x for i, x in enumerate(rpy)]
+        notes.append(
+            f"aligned from {found.start:.1f} to {found.to:.1f} s: roll {math.degrees(rpy[0] or 0):.3f}, pitch "
+            f"{math.degrees(rpy[1] or 0):.3f}, heading {math.degrees(rpy[2] or 0):.3f} deg"
+        )
+        if found.gyro_bias is not None and found.std[2] > 5.0 * D:
+            _take_bias(tables, found.gyro_bias)
+            notes.append("the gyros' mean at rest was taken off as their bias")
+    numbers = [0.0 if x is None else float(x) for x in (*rpy, *v)]
+    start = Start.level(
+        place[0], place[1], place[2] or 0.0, roll=numbers[0], pitch=numbers[1], heading=numbers[2], v_n=numbers[3:],
+        time=float(time),
+    )  # fmt: skip
+    return start, notes
+
+
+def _take_bias(tables: dict[str, Table], bias: Array) -> None:
+    imu = tables["imu"]
+    columns = dict(imu.columns)
+    stem, scale = ("gyro", 1.0) if imu.kind != "increments" else ("dtheta", float(np.median(np.diff(imu.time))))
+    for i, axis in enumerate("xyz"):
+        columns[f"{stem}_{axis}"] = columns[f"{stem}_{axis}"] - bias[i] * scale
+    tables["imu"] = Table(imu.name, columns, imu.kind, imu.source, imu.notes)
+
+
+def sensor_errors(study: Study) -> Any:
+    """What alignment needs to know of [imu]."""
+    from schuler.inertial.alignment import SensorErrors
+
+    m = imu_model(study)
+    return SensorErrors.of(
+        accel_bias=np.hypot(m.accel_bias, m.accel_instability), gyro_bias=np.hypot(m.gyro_bias, m.gyro_instability),
+        vrw=m.vrw, arw=m.arw, gyro_walk=m.gyro_rrw,
+    )  # fmt: skip
+
+
+# Uncertainty and figures
+
+
+def sensor_noise(study: Study, model: ImuModel) -> SensorNoise:
+    from schuler.inertial.error_dynamics import SensorNoise
+
+    return SensorNoise(
+        vrw=model.vrw, arw=model.arw, accel_bias=model.accel_bias, gyro_bias=model.gyro_bias,
+        accel_gm=model.accel_instability, gyro_gm=model.gyro_instability, accel_tau=model.accel_tau_s,
+        gyro_tau=model.gyro_tau_s, accel_walk=float(np.max(model.accel_rrw)), gyro_walk=float(np.max(model.gyro_rrw)),
+    )  # fmt: skip
+
+
+def covariances(study: Study, model: ImuModel, done: Run, held: bool) -> tuple[Array, Array, Array]:
+    """cov of position, velocity, rpy at the track's rows, from [imu] and the std_ keys of [start]; NaN where neither is
+    given (fixed errors have no sigma)."""
+    from schuler.inertial import error_dynamics
+    from schuler.inertial.strapdown import Track
+
+    t = done.track
+    n = len(t)
+    s = study.start
+    keys = ("std_roll_deg", "std_pitch_deg", "std_heading_deg")
+    tilt = [(getattr(s, k) or 0.0) * D for k in keys]
+    rest = [getattr(s, f"std_v_{a}_mps") or 0.0 for a in ("north", "east", "down")]
+    rest += [getattr(s, f"std_{a}_m") or 0.0 for a in ("north", "east", "down")]
+    noise = sensor_noise(study, model)
+    drawn = any(
+        np.any(x) for x in (noise.vrw, noise.arw, noise.accel_bias, noise.gyro_bias, noise.accel_gm, noise.gyro_gm)
+    )
+    none = np.full((n, 3, 3), np.nan)
+    if n < 2 or not (drawn or any(tilt) or any(rest)) or np.max(np.abs(t.lat)) > 89.0 * D:
+        return none, none.copy(), none.copy()
+    every = max(1, n // 3000)
+    rows = np.unique(np.append(np.arange(0, n, every), n - 1))
+    thin = Track(*(getattr(t, k)[rows] for k in ("time", "lat", "lon", "height", "v_n", "q_nb")))
+    start_std = np.array([max(tilt[0], tilt[1]), max(tilt[0], tilt[1]), tilt[2], *rest])
+    P = error_dynamics.covariance(thin, noise, start_std, earth=done.earth, held=held)
+    rpy = thin.rpy
+    E = np.array([_euler_errors(*row) for row in rpy])
+    parts = (P[:, 6:9, 6:9], P[:, 3:6, 3:6], E @ P[:, 0:3, 0:3] @ E.transpose(0, 2, 1))
+    return tuple(_between(thin.time, p, t.time) for p in parts)  # type: ignore[return-value]
+
+
+def _euler_errors(roll: float, pitch: float, heading: float) -> Array:
+    from schuler.inertial.alignment import rpy_from_phi
+
+    return rpy_from_phi((roll, float(np.clip(pitch, -89.0 * D, 89.0 * D)), heading))
+
+
+def _between(time: Array, P: Array, at: Array) -> Array:
+    """Linear interpolation of covariances: a mixture of the two, positive definite."""
+    flat = P.reshape(len(time), 9)
+    return np.stack([np.interp(at, time, flat[:, i]) for i in range(9)], axis=1).reshape(-1, 3, 3)
+
+
+def unread(study: Study) -> list[str]:
+    """Sections and keys that this kind does not read."""
+    sections = ("camera", "sweep", "mission", "platform")
+    notes = [f'[{name}]: not read by kind "strapdown"; left out' for name in sections if name in study.model_fields_set]
+    known = {"imu", "gnss", "reference"}
+    others = [name for name in study.input.tables if name not in known]
+    if others:
+        notes.append(f'[input] {", ".join(others)}: kind "strapdown" navigates by inertia alone; left out')
+    if study.outage:
+        notes.append('[[outage]]: kind "strapdown" uses no aid after the start, so there is nothing to withhold')
+    if study.filter.constraints:
+        notes.append('[filter] constraints: not used by kind "strapdown"; left out')
+    return notes
+
+
+def judged(study: Study, made: dict[str, Any], navigation: Navigation, done: Run, notes: list[str]) -> dict[str, Any]:
+    """The content of summary.json."""
+    reference = done.reference
+    arm = study.mounting.reference_frd_m
+    series = error_series(navigation.filter, reference, arm) if reference is not None else None
+    track = navigation.filter
+    lat, lon = (reference["lat"], reference["lon"]) if reference is not None else (track.lat, track.lon)
+    return {
+        "study": {"name": study.study.name, "kind": study.study.kind},
+        "made_by": made,
+        "method": "strapdown",
+        "duration_s": float(track.time[-1] - track.time[0]),
+        "distance_m": distance(lat, lon),
+        "errors": {"filter": summary(series), "smoother": None},
+        "circular": {"filter": None if series is None else circular(series.horizontal), "smoother": None},
+        "consistency": consistency.consistency(series, navigation.innovations),
+        "outages": [],
+        "strapdown": done.told,
+        "notes": notes,
+    }

@@ -65,9 +65,9 @@ _STD = {
     "std_v_down": "std_v_down sdvd sdvu sd_vd sd_vu std_vd std_vu sigma_vd stdv_2".split(),
 }
 _ANGLES = {
-    "roll": "roll phi roll_angle bank rollang eng_rollang euler_x".split(),
-    "pitch": "pitch theta pitch_angle elevation_angle pitchang eng_pitchang euler_y".split(),
-    "heading": "heading yaw psi hdg azimuth true_heading heading_true head yaw_angle compass_heading euler_z".split(),
+    "roll": "roll phi roll_angle bank rollang eng_rollang".split(),
+    "pitch": "pitch theta pitch_angle elevation_angle pitchang eng_pitchang".split(),
+    "heading": "heading yaw psi hdg azimuth true_heading heading_true head yaw_angle compass_heading".split(),
     "heading_mag": "heading_mag mag_heading magnetic_heading heading_magnetic hdg_mag compass eng_head".split(),
 }
 _IMU = {

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterable
@@ -63,6 +64,8 @@ def convert(
     if source.resolve() == target.resolve():
         raise InputError(f"{target}: the result would replace the recording itself; give another OUT")
     kind = _format(source, format)
+    if to_file and not table and kind.name == "generic" and source.is_file():
+        table = _named(target) or _named(source)
     tables = read_recording(source, kind, gyro_unit=gyro_unit, accel_unit=accel_unit, table=table, **options)
     notes = unique(note for t in tables.values() for note in t.notes)
     bad = [fault for t in tables.values() for fault in validate(t)]
@@ -146,14 +149,20 @@ def _choose(tables: dict[str, Table], table: str | None, target: Path) -> str:
         return table
     if len(tables) == 1:
         return next(iter(tables))
-    stem = target.name.partition(".")[0].lower()
-    named = [t for t in tables if stem == t] or [t for t in tables if stem.startswith(t)]
-    if not named:
+    named = _named(target)
+    if named not in tables:
         raise InputError(
-            f"the recording holds {', '.join(tables)}; give a folder as OUT for all of them, or a file named after one, "
+            f"the recording holds {', '.join(tables)}; give a folder as OUT for all of them, or a file named after "
+            "one, "
             f"e.g. {next(iter(tables))}{''.join(target.suffixes)}"
         )
-    return named[0]
+    return named
+
+
+def _named(path: Path) -> str | None:
+    """The table that a file is named after: imu.csv, gnss-clean.npz."""
+    stem = path.name.partition(".")[0].lower()
+    return stem if stem in SCHEMAS else next((t for t in SCHEMAS if re.match(rf"{t}[-_ ]", stem)), None)
 
 
 def _record(source: Path, kind: Format, tables: dict[str, Table], notes: list[str]) -> dict[str, Any]:

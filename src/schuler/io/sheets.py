@@ -246,7 +246,7 @@ def _columns(
             )
         elif len(wrong) <= max(2, 0.01 * len(split)) and len(wrong) < len(split):
             some = ", ".join(str(numbers[i]) for i in wrong[:3])
-            notes.append(f"{path.name}: {_rows(len(wrong))} without {width} columns left out (line {some})")
+            notes.append(f"{path.name}: {counted(len(wrong), 'row')} without {width} columns left out (line {some})")
         else:
             i = wrong[0]
             raise InputError(
@@ -260,8 +260,9 @@ def _columns(
     return [column_of(cells, decimal_comma=comma) for cells in zip(*split, strict=True)], numbers, notes
 
 
-def _rows(count: int) -> str:
-    return "1 row" if count == 1 else f"{count} rows"
+def counted(count: int, noun: str) -> str:
+    """1 row, 2 rows."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def column_of(cells: Sequence[str], decimal_comma: bool = False) -> NDArray:

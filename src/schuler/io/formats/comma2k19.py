@@ -50,7 +50,8 @@ def convert(path: Path, gyro: str = "cal") -> dict[str, Table]:
     imu |= {f"accel_{a}": raw[f"a{a}_mps2"] for a in "xyz"}
     tables["imu"] = Table("imu", joined([whole_rows(imu, "imu", notes)], "imu", notes), "rates", source)
     notes.append(
-        f"gyro: the {gyro} columns ({'bias removed by the device' if gyro == 'cal' else 'as measured'}); device axes are "
+        f"gyro: the {gyro} columns ({'bias removed by the device' if gyro == 'cal' else 'as measured'}); device axes "
+        "are "
         "forward-right-down"
     )
 
@@ -72,7 +73,8 @@ def convert(path: Path, gyro: str = "cal") -> dict[str, Table]:
         gnss["utc_unix_ms"] = raw["utc_unix_ms"]
     tables["gnss"] = Table("gnss", joined([whole_rows(gnss, "gnss", notes)], "gnss", notes), source=source)
     notes.append(
-        "gnss: velocity north and east from the receiver's speed and bearing; stamps are those of arrival, later than the "
+        "gnss: velocity north and east from the receiver's speed and bearing; stamps are those of arrival, later than "
+        "the "
         "fix by about 0.08 s (gnss_delay_s in [input], or gnss_delay in [filter] estimate)"
     )
 
@@ -105,7 +107,11 @@ _USED = ("imu", "gnss_ublox", "speed", "reference")
 def _reference(raw: dict[str, np.ndarray], path: Path, notes: list[str]) -> dict[str, np.ndarray]:
     names = "t_s x_ecef_m y_ecef_m z_ecef_m qw qx qy qz vx_ecef_mps vy_ecef_mps vz_ecef_mps"
     need(raw, names, path)
-    rows = joined([whole_rows({"time": raw["t_s"], **{n: raw[n] for n in names.split()[1:]}}, "reference", notes)], "reference", notes)
+    rows = joined(
+        [whole_rows({"time": raw["t_s"], **{n: raw[n] for n in names.split()[1:]}}, "reference", notes)],
+        "reference",
+        notes,
+    )
     q = np.column_stack([rows[n] for n in ("qw", "qx", "qy", "qz")])
     if not len(q) or np.abs(np.linalg.norm(q, axis=1) - 1.0).max() > 1e-3:
         raise InputError(f"{path.name}: the quaternions are not of length one")

@@ -15,7 +15,7 @@ import numpy as np
 from schuler.ground.errors import InputError
 from schuler.ground.tables import SCHEMAS, Table
 from schuler.io.headings import match
-from schuler.io.sheets import Sheet, read_sheet
+from schuler.io.sheets import Sheet, counted, read_sheet
 from schuler.io.tables import ReadOptions, table_of
 
 SUFFIXES = (".csv", ".csv.gz", ".npz", ".parquet", ".txt", ".txt.gz", ".tsv", ".log.gz", ".dat")
@@ -62,8 +62,9 @@ def convert(
             return {close: table_of(sheet, close, settings)}
         headings = ", ".join(h for h in sheet.headings if h)[:200]
         raise InputError(
-            f"{path.name}: its columns ({headings or 'without names'}) make none of the tables {', '.join(SCHEMAS)}; say which "
-            "it is with --table, or name the columns as the tables do"
+            f"{path.name}: its columns ({headings or 'without names'}) make none of the tables {', '.join(SCHEMAS)}; "
+            "name "
+            "its columns as the tables do, or give OUT the name of the table it holds, e.g. imu.csv"
         )
     out: dict[str, Table] = {}
     faults = []
@@ -84,7 +85,7 @@ def tables_in(sheet: Sheet) -> list[str]:
         return []
     words = {i for i, c in enumerate(sheet.columns) if c.dtype.kind == "U"}
     used: set[int] = set()
-    names = []
+    names: list[str] = []
     for t in MIXED:
         try:
             found, _ = match(sheet.headings, t, words)
@@ -121,7 +122,8 @@ def _folder(path: Path, settings: ReadOptions) -> dict[str, Table]:
             left = [f for f in left if f not in (gyro.name, accel.name)]
     if not out:
         raise InputError(
-            f"{path}: no file in it is named after a table ({', '.join(list(SCHEMAS)[:5])}, ...) and it is no recording "
+            f"{path}: no file in it is named after a table ({', '.join(list(SCHEMAS)[:5])}, ...) and it is no "
+            "recording "
             "whose format is known; convert its files one by one"
         )
     if left:
@@ -146,7 +148,9 @@ def merged(gyro: Sheet, accel: Sheet) -> Sheet:
         if i != b and heading not in headings and accel.columns[i].dtype.kind == "f":
             headings.append(heading)
             columns.append(np.interp(t[inside], s[order], accel.columns[i][order]))
-    note = f"{accel.path.name} interpolated to the stamps of {gyro.path.name}; {int((~inside).sum())} rows outside left out"
+    note = f"{accel.path.name} interpolated to the stamps of {gyro.path.name}"
+    if not inside.all():
+        note += f"; {counted(int((~inside).sum()), 'row')} outside left out"
     return Sheet(gyro.path, headings, columns, gyro.lines[inside], {}, [*gyro.notes, *accel.notes, note])
 
 

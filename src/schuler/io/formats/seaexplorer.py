@@ -36,7 +36,7 @@ _NEEDED = ("NavState", "Heading", "Pitch", "Roll", "Depth", "Lat", "Lon")
 
 
 def recognise(path: Path) -> bool:
-    """Files named *.gli.sub.N, a folder with some, or a nav.csv (alone or in a folder) with NavState and Declination."""
+    """Files named *.gli.sub.N, a folder with some, or a nav.csv (alone or in a folder) with NavState."""
     if path.is_dir():
         return any(_GLI.search(p.name) for p in path.iterdir()) or any(_is_nav(path / n) for n in _NAV)
     return bool(_GLI.search(path.name)) or _is_nav(path)
@@ -46,7 +46,7 @@ _NAV = ("nav.csv", "nav.csv.gz")
 
 
 def _is_nav(path: Path) -> bool:
-    if not path.is_file() or not path.name.lower().endswith((".csv", ".csv.gz", ".gz", ".txt")):
+    if path.name.lower() not in _NAV or not path.is_file():
         return False
     try:
         headings = set(read_sheet(path).headings)
@@ -59,7 +59,9 @@ def convert(path: Path, heading_includes_declination: bool = False) -> dict[str,
     """Tables attitude, depth and gnss. Raises InputError."""
     notes: list[str] = []
     if path.is_dir():
-        files = sorted(p for p in path.iterdir() if _GLI.search(p.name)) or [path / n for n in _NAV if _is_nav(path / n)]
+        files = sorted(p for p in path.iterdir() if _GLI.search(p.name)) or [
+            path / n for n in _NAV if _is_nav(path / n)
+        ]
     else:
         files = [path]
     parts = []
@@ -90,7 +92,8 @@ def convert(path: Path, heading_includes_declination: bool = False) -> dict[str,
         heading = heading + np.nan_to_num(declination)
         said = ", ".join(f"{v:g}" for v in np.unique(np.round(declination[np.isfinite(declination)] / DEG, 2))[:5])
         notes.append(
-            f"heading is true: the file's Heading plus its Declination of {said} deg; the file does not say whether Heading "
+            f"heading is true: the file's Heading plus its Declination of {said} deg; the file does not say whether "
+            "Heading "
             "includes it, but the track between fixes says that it does not"
         )
     else:
@@ -180,8 +183,10 @@ def _fixes(rows: dict[str, NDArray], notes: list[str]) -> dict[str, NDArray]:
         raise InputError("no GPS fix: the position never changes while the glider is at the surface (NavState 116)")
     count = int(fix.sum())
     notes.append(
-        f"gnss: {count} fixes, rows at the surface where the position is new; {int((surface & ~fix).sum())} rows at the "
-        f"surface that hold an old position are none. Sigma {FIX_SIGMA:g} m (assumed); no height is recorded: 0 m with a "
+        f"gnss: {count} fixes, rows at the surface where the position is new; {int((surface & ~fix).sum())} rows at "
+        "the "
+        f"surface that hold an old position are none. Sigma {FIX_SIGMA:g} m (assumed); no height is recorded: 0 m "
+        "with a "
         f"sigma of {SEA_SURFACE_SIGMA:g} m (the sea against the ellipsoid)"
     )
     return {

@@ -62,7 +62,9 @@ def convert(path: Path) -> dict[str, Table]:
     for dive in dives:
         notes += dive.notes
     span = f"{iso_from_unix(dives[0].eng['time'][0], 0)} to {iso_from_unix(dives[-1].eng['time'][-1], 0)}"
-    notes.append(f"{len(dives)} dive{'s' * (len(dives) > 1)} ({_ranges(numbers)}) in one mission, {span}; time is Unix time")
+    notes.append(
+        f"{len(dives)} dive{'s' * (len(dives) > 1)} ({_ranges(numbers)}) in one mission, {span}; time is Unix time"
+    )
     source = str(path)
 
     eng = joined([d.eng | {"turn": np.full(len(d.eng["time"]), d.variation)} for d in dives], "attitude", notes)
@@ -82,7 +84,8 @@ def convert(path: Path) -> dict[str, Table]:
         speed = whole_rows(joined(speeds, "speed", notes), "speed (none at the surface)", notes)
         tables["speed"] = Table("speed", speed, source=source)
         notes.append(
-            "speed is the flight model's speed along the glide path through water, not a log; depth rate and pitch are an "
+            "speed is the flight model's speed along the glide path through water, not a log; depth rate and pitch "
+            "are an "
             "independent check of its scale"
         )
     if len(speeds) < len(dives):
@@ -133,7 +136,9 @@ def _read_set(number: int, files: dict[str, Path]) -> Dive:
         variation = float(meta["magnetic_variation_deg"][0])
     if "meta" not in files or not np.isfinite(variation):
         variation = 0.0
-        notes.append(f"dive {number}: no magnetic variation in its files; 0 deg was taken, so heading is magnetic there")
+        notes.append(
+            f"dive {number}: no magnetic variation in its files; 0 deg was taken, so heading is magnetic there"
+        )
     dive = Dive(
         number,
         {
@@ -183,7 +188,9 @@ def _read_nc(path: Path) -> Dive:
     number = number or int(attributes.get("dive_number", 0)) or int(re.sub(r"\D", "", path.name)[-4:] or 0)
     if not np.isfinite(variation):
         variation = 0.0
-        notes.append(f"dive {number}: no magnetic variation in {path.name}; 0 deg was taken, so heading is magnetic there")
+        notes.append(
+            f"dive {number}: no magnetic variation in {path.name}; 0 deg was taken, so heading is magnetic there"
+        )
     gps = {
         "time": get("log_gps_time"),
         "lat": get("log_gps_lat", scale=DEG),
@@ -209,7 +216,9 @@ def _read_nc(path: Path) -> Dive:
         notes=notes,
     )
     if len({len(v) for v in dive.eng.values()}) > 1:
-        raise InputError(f"{path.name}: time, depth, heading, pitch and roll have different lengths; the file is damaged")
+        raise InputError(
+            f"{path.name}: time, depth, heading, pitch and roll have different lengths; the file is damaged"
+        )
     for name in ("speed", "speed_gsm"):
         if name in variables and "ctd_time" in variables and dive.speed is None:
             dive.speed = {"time": get("ctd_time"), "speed": get(name, scale=0.01)}  # cm/s
@@ -227,7 +236,7 @@ def open_netcdf(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
         try:
             with netcdf_file(str(path), "r", mmap=False) as f:
-                return {k: v.data.copy() for k, v in f.variables.items()}, dict(f._attributes)
+                return {k: v.data.copy() for k, v in f.variables.items()}, {}
         except (OSError, ValueError, TypeError, IndexError, KeyError):
             raise InputError(f"{path.name}: the netCDF file is damaged or cut off; fetch it again") from None
     if magic != b"\x89HDF":
@@ -254,7 +263,9 @@ def _fixes(dives: list[Dive], notes: list[str]) -> dict[str, NDArray]:
     """
     gps = joined([d.gps for d in dives], "gnss (the last fix of a dive is the first of the next)", notes)
     at_zero = (gps["lat"] == 0.0) & (gps["lon"] == 0.0)
-    good = np.isfinite(gps["time"]) & np.isfinite(gps["lat"]) & np.isfinite(gps["lon"]) & ~at_zero & ~(gps["hdop"] >= 90)
+    good = (
+        np.isfinite(gps["time"]) & np.isfinite(gps["lat"]) & np.isfinite(gps["lon"]) & ~at_zero & ~(gps["hdop"] >= 90)
+    )
     if not good.all():
         notes.append(f"gnss: {int((~good).sum())} of {len(good)} fixes are not valid and were left out")
         gps = {n: v[good] for n, v in gps.items()}
@@ -265,7 +276,8 @@ def _fixes(dives: list[Dive], notes: list[str]) -> dict[str, NDArray]:
     sigma = np.where(known, gps["hpe"], from_hdop)
     notes.append(
         f"gnss: sigma of north and east is hpe in {int(known.sum())} fixes, else {HDOP_SIGMA:g} m times HDOP (at least "
-        f"{HDOP_SIGMA:g} m); no height is recorded: 0 m with a sigma of {SEA_SURFACE_SIGMA:g} m (the sea against the ellipsoid)"
+        f"{HDOP_SIGMA:g} m); no height is recorded: 0 m with a sigma of {SEA_SURFACE_SIGMA:g} m (the sea against the "
+        "ellipsoid)"
     )
     count = len(sigma)
     return {

@@ -248,16 +248,17 @@ def equalities(details: PlatformDetails) -> list[str]:
             name = PI if PI in runs else FREE
             said.append(
                 f"{which}: the published error model stays below {size_of(found.largest(PUBLISHED))}, the platform "
-                f"itself reaches {size_of(found.largest(name))}. The model lets the drift of channel 3 tilt the platform "
-                "but not turn it: its heading is the one without drift. A real platform turns by b t, and the algorithm, "
-                "which cannot see it, lays the whole journey (at rest: the Earth's own turn) in the wrong direction."
+                f"itself reaches {size_of(found.largest(name))}. The model lets the drift of channel 3 tilt the "
+                "platform but not turn it: its heading is the one without drift. A real platform turns by b t, and "
+                "the algorithm, which cannot see it, lays the whole journey (at rest: the Earth's own turn) in the "
+                "wrong direction."
             )
         for curve in found.curves:
             against = PUBLISHED if "tilt part only" in curve.label else FREE if FREE in runs else PI
             if against in runs:
                 run = runs[against]
-                apart = np.hypot(run.north - curve.north, run.east - curve.east)
-                off = float((np.abs(run.error - curve.error) if curve.kind == SIZE else apart).max())
+                gap = np.hypot(run.north - curve.north, run.east - curve.east)
+                off = float((np.abs(run.error - curve.error) if curve.kind == SIZE else gap).max())
                 said.append(
                     f"{which}: {curve.label} ({curve.kind}) is at most {size_of(off)} from {against}, "
                     f"{100.0 * off / max(found.largest(against), 1e-9):.2g} % of its largest error."

@@ -48,8 +48,9 @@ def _drift_faults(p: PlatformSection) -> list[str]:
     for value in p.drift_deg_per_h:
         if abs(value) > _LARGE_DRIFT:
             faults.append(
-                f"[platform] drift_deg_per_h: {value:g} deg/h is {value / 3600.0:.3g} deg/s, and platform gyros drift by "
-                "0.001 to 1 deg/h: was it converted from deg/s? Type the drift in deg/h, or trust_units = true if it is right"
+                f"[platform] drift_deg_per_h: {value:g} deg/h is {value / 3600.0:.3g} deg/s, and platform gyros drift "
+                "by 0.001 to 1 deg/h: was it converted from deg/s? Type the drift in deg/h, or trust_units = true if "
+                "it is right"
             )
         elif 0.0 < abs(value) < _SMALL_DRIFT:
             faults.append(

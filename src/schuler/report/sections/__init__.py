@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from schuler.report.parts import Opening, Section
-from schuler.report.sections import consistency, errors, opening, record, states, track
+from schuler.report.sections import consistency, errors, opening, platform, record, states, track
 from schuler.report.view import View
 
 Chapter = Callable[[View], Section | None]
@@ -31,8 +31,25 @@ _AIDED: tuple[Chapter, ...] = (
     record.cite,
 )
 
-CHAPTERS: dict[str, tuple[Chapter, ...]] = {"auv": _AIDED, "aided": _AIDED}
-OPENINGS: dict[str, Callable[[View], Opening]] = {"auv": opening.aided, "aided": opening.aided}
+_PLATFORM: tuple[Chapter, ...] = (
+    platform.path,
+    platform.errors,
+    platform.said,
+    platform.motion,
+    platform.alignment,
+    platform.maps,
+    platform.sensitivity,
+    record.assumed,
+    record.made,
+    platform.cite,
+)
+
+CHAPTERS: dict[str, tuple[Chapter, ...]] = {"auv": _AIDED, "aided": _AIDED, "platform": _PLATFORM}
+OPENINGS: dict[str, Callable[[View], Opening]] = {
+    "auv": opening.aided,
+    "aided": opening.aided,
+    "platform": platform.opening,
+}
 
 
 def chapters(kind: str) -> Sequence[Chapter]:

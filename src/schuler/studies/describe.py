@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 from schuler.studies.faults import _model_in, typed
-from schuler.studies.model import Section, Study, unit_of
+from schuler.studies.model import Study
+from schuler.studies.sections import Section, unit_of
 
 BEGIN, END = "<!-- keys of {} -->", "<!-- end of {} -->"
 

@@ -48,6 +48,9 @@ def read_tables(study: Study, progress: Progress = silent) -> Inputs:
                 table = read_table(
                     path,
                     name,
+                    gyro_unit=given.gyro_unit,
+                    accel_unit=given.accel_unit,
+                    trust_units=given.trust_units,
                     rate_hz=given.rate_hz,
                     scale_gyro_deg_per_s=given.scale_gyro_deg_per_s,
                     scale_accel_g=given.scale_accel_g,

@@ -77,11 +77,9 @@ def _split(text: str) -> tuple[str, str]:
 def path(view: View) -> Section | None:
     d = _details(view)
     shown = [f for f in (_journey(view, d), _hodograph(view, d)) if f is not None]
-    lead = (
-        "Where the algorithms put the vehicle, with the study's own drifts. Computed minus true in metres north and "
-        "east on "
-        "the right." if len(shown) > 1 else "Computed minus true position, with the study's own drifts."
-    )  # fmt: skip
+    lead = "Computed minus true position, with the study's own drifts."
+    if len(shown) > 1:
+        lead = "Where the algorithms put the vehicle with the study's own drifts, and computed minus true position."
     return Section("path", "Path", lead, figures=shown) if shown else None
 
 
@@ -115,7 +113,7 @@ def _hodograph(view: View, d: PlatformDetails) -> Figure | None:
         if name != OPEN or len(d.main.runs) == 1:
             reach = max(reach, float(np.abs(run.north).max()), float(np.abs(run.east).max()))
     box = (-1.1 * reach, 1.1 * reach, -1.1 * reach, 1.1 * reach)
-    caption = "Platforms and strapdown err to opposite sides for the same drift: a platform obeys it, a strapdown measures it."
+    caption = "For the same drift platform and strapdown err to opposite sides: one obeys it, the other measures it."
     return figures.plan(
         "fig-hodograph", "Error of position", data, box, caption, width_px=470, half=not d.at_rest, height_px=(400, 400)
     )

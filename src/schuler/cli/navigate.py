@@ -41,5 +41,5 @@ def run(path: Path, out: Path | None, seed: int | None) -> None:
 
 def kernels_of(kind: str, *, simulated: bool) -> tuple[str, ...]:
     """Kernel modules that a kind runs, to know whether they are compiled."""
-    known = {"auv": ("auv_run", "auv_smooth")}
+    known = {"auv": ("auv_run", "auv_smooth"), "platform": ("platform", "platform_alignment")}
     return (*known.get(kind, ()), *(("mission",) if simulated and kind == "auv" else ()))

@@ -22,8 +22,10 @@ _SHOWN = {  # state: what it is called, unit shown, factor from SI
 
 
 def figures(result: Result) -> list[str]:
-    """Lines of text, without colour, for any kind that has a track."""
+    """Lines of text, without colour, for any kind that has a track. A kind with words of its own brings them."""
     s = result.summary
+    if hasattr(result.details, "told"):
+        return list(result.details.told(s["study"]["name"]))
     lines = [_head(result)]
     dives, surfacings = s.get("dives") or [], s.get("surfacings") or []
     judged = any(d.get("horizontal_end_m") is not None for d in dives)

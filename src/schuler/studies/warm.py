@@ -71,11 +71,22 @@ def warm_paper() -> None:
         run_study(parse_study(raw))
 
 
+def warm_platform() -> None:
+    """Kind "platform": every algorithm in every form, alignment, a small map."""
+    from schuler.studies.model import parse_study
+    from schuler.studies.run import run_study
+
+    for form in ("exact", "corrected"):
+        keys = {"duration_s": 60.0, "form": form, "map": {"lat_deg": [0.0, 80.0, 2.0], "heading_deg": [0.0, 90.0, 2.0]}}
+        run_study(parse_study({"study": {"name": "warmup", "kind": "platform"}, "platform": keys}))
+
+
 # what `schuler warmup` runs, in order; a part that brings kernels of its own adds a line
 STEPS: list[tuple[str, Callable[[], None]]] = [
     ("auv: simulation, filter, smoother", warm_auv),
     ("auv: a vehicle's own compass", warm_compass),
     ("auv: the paper's filter", warm_paper),
+    ("platform: alignment, algorithms, maps", warm_platform),
 ]
 
 

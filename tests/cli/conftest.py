@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from schuler.io.tables import write_table
-from schuler.truth.missions import PRESETS
 from schuler.truth.recording import SUITES, simulate
 
 
@@ -47,11 +46,10 @@ def schuler(*arguments, cwd=None, inside=True):
 @pytest.fixture(scope="session")
 def recording():
     """A short dive, simulated: 60 s on the surface, 120 s under water, 30 s on the surface; 50 Hz."""
-    from dataclasses import replace
+    from schuler.truth.keys import mission_from_keys
 
-    mission = replace(
-        PRESETS["demo"], surface=60.0, dive=120.0, final_surface=30.0, turns=(), speed_steps=(), pitch=0.0
-    )
+    keys = {"surface_s": 60.0, "dive_s": 120.0, "final_surface_s": 30.0, "depth_m": 8.0, "current_east_mps": 0.1}
+    mission = mission_from_keys(keys)
     return simulate(mission, SUITES["demo"].with_changes(imu_rate_hz=50.0), seed=5)
 
 

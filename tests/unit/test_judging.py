@@ -259,3 +259,12 @@ def test_surfacing_uses_the_filter_s_own_innovation_when_it_has_one():
     S = np.array([[25.0, 4.0], [4.0, 25.0]])
     assert s["mahalanobis2"] == pytest.approx(np.array([30.0, 0]) @ np.linalg.inv(S) @ [30.0, 0])
     assert s["inside_95"] is False
+
+
+def test_surfacing_tells_how_deep_the_vehicle_was():
+    t = np.arange(0.0, 200.0, 0.1)
+    fixes = np.concatenate([np.arange(0.0, 50.5, 1.0), np.arange(140.0, 200.0, 1.0)])
+    depth = Table("depth", {"time": np.array([30.0, 60.0, 120.0, 150.0]), "depth": np.array([99.0, 7.0, 12.5, 99.0])})
+    nav = Navigation(track(t, straight(t)))
+    (s,) = outages.surfacings(nav, gnss(fixes, straight(fixes)), depth=depth)
+    assert s["max_depth_m"] == 12.5

@@ -231,12 +231,14 @@ def surfacings(
     gnss_m: Sequence[float] = (1.0, 1.0, 2.0),
     correlated_m: float = 0.0,
     antenna_frd: ArrayLike = (0.0, 0.0, 0.0),
+    depth: Table | None = None,
     longest_s: float = LONG_GAP_S,
 ) -> list[dict[str, Any]]:
     """At each first fix after a gap longer than longest_s: the position predicted before it against the fix.
 
     The miss (predicted minus fix, north, east) and its sigma, the fix's own included. The filter's innovation is used
     where it recorded one (its S is exact), else the last row before the fix, carried on with its velocity.
+    "max_depth_m" is the deepest row of a depth table in the gap (0 where it has no row there), None without a table.
     """
     if gnss is None or len(gnss) < 2:
         return []
@@ -264,6 +266,7 @@ def surfacings(
             {
                 "time_s": fix,
                 "gap_s": fix - last,
+                "max_depth_m": _deepest(depth, last, fix),
                 "miss_m": float(np.hypot(*miss)),
                 "north_m": float(miss[0]),
                 "east_m": float(miss[1]),
@@ -274,6 +277,14 @@ def surfacings(
             }
         )
     return told
+
+
+def _deepest(depth: Table | None, start: float, end: float) -> float | None:
+    if depth is None:
+        return None
+    inside = depth["depth"][(depth.time >= start) & (depth.time <= end)]
+    inside = inside[np.isfinite(inside)]
+    return float(inside.max()) if len(inside) else 0.0
 
 
 def _innovation(recorded: Innovations, time: float, cov_pos: Array) -> tuple[Array, Array] | None:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from schuler.studies.model import OutageSection, Study
 
 Array = NDArray[np.float64]
+SURFACE_M = 3.0  # a gap without fixes in which the vehicle stayed above this was no dive
 
 
 @register("auv")
@@ -125,6 +126,7 @@ def judged(
     fix = _fix(study)
     track = navigation.smoother or navigation.filter
     length = distance(reference["lat"], reference["lon"]) if reference is not None else distance(track.lat, track.lon)
+    found = outages.surfacings(navigation, gnss, depth=inputs.tables.get("depth"), **fix)
     told: dict[str, Any] = {
         "study": {"name": study.study.name, "kind": study.study.kind},
         "made_by": made,
@@ -139,7 +141,8 @@ def judged(
         "consistency": consistency.consistency(series, navigation.innovations),
         "outages": [outage_of(study, reference, navigation, o.sensor, rows, o.start_s, o.end_s) for o, rows in each],
         "dives": outages.dives(navigation, gnss, reference, reference_frd=arm),
-        "surfacings": outages.surfacings(navigation, gnss, **fix),
+        "surfacings": [f for f in found if f["max_depth_m"] is None or f["max_depth_m"] > SURFACE_M],
+        "surface_gaps": [f for f in found if f["max_depth_m"] is not None and f["max_depth_m"] <= SURFACE_M],
         "states": states(navigation, inputs.truth_states),
         "notes": notes,
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -200,58 +200,37 @@ def size_of(value: float) -> str:
 def equalities(details: PlatformDetails) -> list[str]:
     """What is equal to what in this study, by how much it differs, and why. Every number is of this study."""
     said: list[str] = []
-    form = details.form
+    told: set[str] = set()
+
+    def why(topic: str, reason: str) -> str:
+        """The reason, the first time it is needed."""
+        if topic in told:
+            return ""
+        told.add(topic)
+        return reason
+
     for found in details.sets:
-        runs = found.runs
         if found.name == "none":
-            if PI in runs:
-                said.append(_without_drift(found, form))
+            if PI in found.runs:
+                said.append(_without_drift(found, details.form))
             continue
         which = found.title[0].lower() + found.title[1:]
+        runs = found.runs
         if PI in runs and FREE in runs:
-            apart, largest = found.apart(PI, FREE), found.largest(FREE)
-            share = apart / largest if largest > 0.0 else 0.0
-            if form != "literal" and share < 0.05:
-                said.append(
-                    f"{which}: position-independent and free azimuth are the same platform. They lie at most "
-                    f"{size_of(apart)} apart in an error of up to {size_of(largest)} ({100.0 * share:.2g} %): with "
-                    "r = 0 and a level platform the command p = -v/z, q = u/z of inertial velocity is the free-azimuth "
-                    "command written without latitude and longitude. What remains comes from the gyro axes, which "
-                    "alignment leaves off the vertical by the deflection of the plumb line."
-                )
-            else:
-                said.append(
-                    f"{which}: position-independent ({form}) and free azimuth lie up to {size_of(apart)} apart, in an "
-                    f"error of up to {size_of(largest)}."
-                )
+            said.append(f"{which}: {_two_platforms(found, details.form, why)}")
         if PI in runs and SD in runs:
-            a, b = runs[PI], runs[SD]
-            opposite = float(np.hypot(a.north + b.north, a.east + b.east).max())
-            size = abs(float(a.error[-1]) - float(b.error[-1]))
-            words = (
-                f"{which}: strapdown with gravity from its own position ends {size_of(float(b.error[-1]))} off, the "
-                f"platform {size_of(float(a.error[-1]))} (sizes {size_of(size)} apart)"
-            )
-            if opposite < 0.2 * found.largest(PI):
-                words += ", on the opposite side, because its gyro measures true rate plus drift"
-            words += (
-                ". Gravity tunes both to Schuler's period, so there is no difference of kind; of degree there is one "
-                "where the gyro axes of the strapdown turn with the body and those of the platform do not."
-            )
-            if OPEN in runs:
-                words += (
-                    f" Without gravity feedback it ends {size_of(float(runs[OPEN].error[-1]))} off: the cubic growth "
-                    "that is often charged to strapdown belongs to the missing feedback."
-                )
-            said.append(words)
+            said.append(f"{which}: {_strapdown(found, why)}")
         if PUBLISHED in runs and found.case.drift[2] != 0.0 and (PI in runs or FREE in runs):
-            name = PI if PI in runs else FREE
+            largest = found.largest(PI if PI in runs else FREE)
             said.append(
                 f"{which}: the published error model stays below {size_of(found.largest(PUBLISHED))}, the platform "
-                f"itself reaches {size_of(found.largest(name))}. The model lets the drift of channel 3 tilt the "
-                "platform but not turn it: its heading is the one without drift. A real platform turns by b t, and "
-                "the algorithm, which cannot see it, lays the whole journey (at rest: the Earth's own turn) in the "
-                "wrong direction."
+                f"itself reaches {size_of(largest)}."
+                + why(
+                    "published",
+                    " The model lets the drift of channel 3 tilt the platform but not turn it: its heading is the "
+                    "one without drift. A real platform turns by b t, and the algorithm, which cannot see it, lays "
+                    "the whole journey (at rest: the Earth's own turn) in the wrong direction.",
+                )
             )
         for curve in found.curves:
             against = PUBLISHED if "tilt part only" in curve.label else FREE if FREE in runs else PI
@@ -264,6 +243,50 @@ def equalities(details: PlatformDetails) -> list[str]:
                     f"{100.0 * off / max(found.largest(against), 1e-9):.2g} % of its largest error."
                 )
     return said
+
+
+Why = Callable[[str, str], str]
+
+
+def _two_platforms(found: DriftSet, form: str, why: Why) -> str:
+    apart, largest = found.apart(PI, FREE), found.largest(FREE)
+    share = apart / largest if largest > 0.0 else 0.0
+    if form == "literal" or share > 0.05:
+        return (
+            f"position-independent ({form}) and free azimuth lie up to {size_of(apart)} apart, in an error of up to "
+            f"{size_of(largest)}."
+        )
+    return (
+        f"position-independent and free azimuth are the same platform: at most {size_of(apart)} apart in an error of "
+        f"up to {size_of(largest)} ({100.0 * share:.2g} %)."
+    ) + why(
+        "same",
+        " With r = 0 and a level platform the command p = -v/z, q = u/z of inertial velocity is the free-azimuth "
+        "command written without latitude and longitude. What remains comes from the gyro axes, which alignment "
+        "leaves off the vertical by the deflection of the plumb line.",
+    )
+
+
+def _strapdown(found: DriftSet, why: Why) -> str:
+    a, b = found.runs[PI], found.runs[SD]
+    opposite = float(np.hypot(a.north + b.north, a.east + b.east).max())
+    words = (
+        f"strapdown with gravity from its own position ends {size_of(float(b.error[-1]))} off, the platform "
+        f"{size_of(float(a.error[-1]))} (sizes {size_of(abs(float(a.error[-1]) - float(b.error[-1])))} apart)"
+    )
+    if opposite < 0.2 * found.largest(PI):
+        words += ", on the opposite side" + why("side", ", because its gyro measures true rate plus drift")
+    words += "." + why(
+        "kind",
+        " Gravity tunes both to Schuler's period, so there is no difference of kind; of degree there is one where the "
+        "gyro axes of the strapdown turn with the body and those of the platform do not.",
+    )
+    if OPEN in found.runs:
+        words += f" Without gravity feedback it ends {size_of(float(found.runs[OPEN].error[-1]))} off" + why(
+            "open", ": the cubic growth that is often charged to strapdown belongs to the missing feedback"
+        )
+        words += "."
+    return words
 
 
 def _without_drift(found: DriftSet, form: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.inertial.platform import platform_angles
-from schuler.judging.platform import FREE, OPEN, PI, PUBLISHED, SD, DriftSet, PlatformDetails, equalities, size_of
+from schuler.judging.platform import FREE, OPEN, PI, PUBLISHED, SD, SIZE, DriftSet, PlatformDetails, equalities, size_of
 from schuler.report import decimate, figures
 from schuler.report.figures import FILTER, FIX, REJECTED, SMOOTHED, TRUTH, Panel, TimeAxis
 from schuler.report.parts import Figure, Grid, Opening, Section, Tile, number
@@ -154,13 +154,11 @@ def _error_figure(view: View, d: PlatformDetails, found: DriftSet) -> Figure | N
     for name, run in found.runs.items():
         label = f"{name} (not physical)" if name == PUBLISHED and found.case.drift[2] else name
         flat.traces.append(figures.line(view.pool, axis, run.time, run.error, label, COLOR[name], ".4~g"))
-        log.traces.append(figures.line(view.pool, axis, run.time, _positive(run.error), label, COLOR[name], ".4~g"))
+        log.traces.append(_log_line(view, axis, run.time, run.error, label, COLOR[name]))
     for i, curve in enumerate(found.curves):
         style = {"dash": _DASH[i % len(_DASH)]}
         flat.traces.append(figures.line(view.pool, axis, curve.time, curve.error, curve.label, TRUTH, ".4~g", **style))
-        log.traces.append(
-            figures.line(view.pool, axis, curve.time, _positive(curve.error), curve.label, TRUTH, ".4~g", **style)
-        )
+        log.traces.append(_log_line(view, axis, curve.time, curve.error, curve.label, TRUTH, **style))
     caption = "Great-circle distance from computed to true position."
     if tops and OPEN in found.runs and found.largest(OPEN) > 1.5 * max(tops) and found.name != "none":
         flat.span = (0.0, 1.08 * max(tops))
@@ -170,22 +168,45 @@ def _error_figure(view: View, d: PlatformDetails, found: DriftSet) -> Figure | N
     return figures.stack(f"fig-error-{found.name}", found.title, [flat, log], axis, caption)
 
 
-def _positive(values: Array) -> Array:
-    return np.where(values > 1e-9, values, np.nan)
+def _log_line(
+    view: View, axis: TimeAxis, time: Array, value: Array, name: str, color: str, **style: Any
+) -> dict[str, Any]:
+    """A line for a logarithmic panel: every digit of small values kept, nothing below a nanometre."""
+    rows = decimate.keep([value])
+    shown = np.where(value[rows] > 1e-9, value[rows], np.nan)
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": view.pool.add(axis.of(time[rows])),
+        "y": view.pool.add(shown, exact=True),
+        "name": name,
+        "line": {"color": color, "width": 1.4, **style},
+        "hovertemplate": "%{y:.4~g}",
+    }
+
+
+def _metres(value: float) -> str:
+    """Millimetres where there are any, else the power of ten."""
+    if abs(value) >= 0.0005 or value == 0.0:
+        return f"{value:.3f}"
+    return f"{value:.0e}" if abs(value) > 1e-12 else "0"
 
 
 def _numbers(d: PlatformDetails, found: DriftSet) -> Grid:
     rows = []
     for name, run in found.runs.items():
         e = run.at(d.at)
-        rows.append([name, *(f"{x:.3f}" for x in e[:, 0]), f"{e[-1, 1]:.3f}", f"{e[-1, 2]:.3f}"])
+        rows.append([name, *(_metres(x) for x in e[:, 0]), _metres(e[-1, 1]), _metres(e[-1, 2])])
     for curve in found.curves:
         rows.append(
             [
                 curve.label,
-                *(f"{x:.3f}" for x in np.interp(d.at, curve.time, curve.error)),
-                f"{np.interp(d.at[-1], curve.time, curve.north):.3f}",
-                f"{np.interp(d.at[-1], curve.time, curve.east):.3f}",
+                *(_metres(float(x)) for x in np.interp(d.at, curve.time, curve.error)),
+                *(
+                    [""] * 2
+                    if curve.kind == SIZE
+                    else [_metres(float(np.interp(d.at[-1], curve.time, x))) for x in (curve.north, curve.east)]
+                ),
             ]
         )
     head = [found.title, *(f"{t:g} s" for t in d.at), "north, last", "east, last"]
@@ -237,7 +258,7 @@ def motion(view: View) -> Section | None:
         )
     ]
     if np.isfinite(d.gimbals).any():
-        gimbal = [Panel(f"{n} gimbal, deg", height=100) for n in ("outer (roll)", "middle (pitch)", "inner (azimuth)")]
+        gimbal = [Panel(f"{n},\ndeg", height=110) for n in ("outer (roll)", "middle (pitch)", "inner (azimuth)")]
         for k, panel in enumerate(gimbal):
             value = np.unwrap(d.gimbals[:, k]) / DEG
             panel.traces.append(figures.line(view.pool, axis, d.truth.time, value, "gimbal", FILTER, ".4~g"))
@@ -340,13 +361,12 @@ def _requirements(view: View) -> list[Grid]:
 def _ends(view: View) -> Grid:
     a = _details(view).alignment
     rows = [
-        ["phi_x, rad", f"{a.end.phi_x:.10e}", f"{a.first_order.phi_x:.10e}"],
-        ["phi_y, rad", f"{a.end.phi_y:.10e}", f"{a.first_order.phi_y:.10e}"],
+        ["phi_x, rad", _power(a.end.phi_x), _power(a.first_order.phi_x)],
+        ["phi_y, rad", _power(a.end.phi_y), _power(a.first_order.phi_y)],
         ["psi, rad", f"{a.end.psi:.10f}", f"{a.first_order.psi:.10f}"],
     ]
     rows += [
-        [f"{n}, rad/s", f"{x:.10e}", f"{y:.10e}"]
-        for n, x, y in zip("pqr", a.end.rates, a.first_order.rates, strict=True)
+        [f"{n}, rad/s", _power(x), _power(y)] for n, x, y in zip("pqr", a.end.rates, a.first_order.rates, strict=True)
     ]
     rows.append(["d_r, rad/s", f"{a.end.d_r:.10e}", f"{a.first_order.d_r:.10e}"])
     return Grid(
@@ -354,10 +374,14 @@ def _ends(view: View) -> Grid:
     )
 
 
+def _power(value: float) -> str:
+    return "0" if abs(value) < 1e-15 else f"{value:.10e}"
+
+
 def _switch(view: View) -> Grid:
     rows, tones = [], []
     for j in _details(view).alignment.jumps:
-        rows.append([j.name, j.unit, f"{j.before:.9e}", f"{j.after:.9e}", "jumps" if j.jumps else "does not jump"])
+        rows.append([j.name, j.unit, _power(j.before), _power(j.after), "jumps" if j.jumps else "does not jump"])
         tones.append("warn" if j.jumps and not j.may_jump else "")
     head = ["signal", "unit", "before the switch", "after it", ""]
     caption = "Table 1, corrected: what jumps when alignment gives way to navigation, and what must not."

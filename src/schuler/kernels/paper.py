@@ -12,7 +12,7 @@ R is diagonal, so the rows of the measurement are taken one after the other: the
 
 from __future__ import annotations
 
-from math import asin, atan, atan2, cos, isfinite, pi, sin, sqrt, tan
+from math import asin, atan, atan2, cos, isfinite, pi, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -74,23 +74,21 @@ def wrap(angle):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def euler_rates(roll, pitch, p_x, p_y, p_z):
-    """(10): rates of roll, pitch, heading, rad/s, from the bias-free body rates p, rad/s."""
-    g_1 = p_y * sin(roll) + p_z * cos(roll)
-    return p_x + g_1 * tan(pitch), p_y * cos(roll) - p_z * sin(roll), g_1 / cos(pitch)
+def linearise(x, u, A):
+    """(10), (17): rates of roll, pitch, heading, rad/s, at x (6,) and gyro rates u (3,); and A = df/dx.
 
-
-@njit(cache=True, error_model="numpy", nogil=True)
-def fill_jacobian(x, u, A):
-    """(17): the first three rows of A = df/dx at x (6,), u (3,), into A (3, 6); rows four to six are zero."""
+    A (3, 6) is filled with the first three rows; rows four to six are zero, as the biases are constant.
+    """
     s, c = sin(x[0]), cos(x[0])
-    t, sec = tan(x[1]), 1.0 / cos(x[1])
+    sec = 1.0 / cos(x[1])
+    t = sin(x[1]) * sec
     p_y, p_z = u[1] - x[4], u[2] - x[5]
     g_1 = p_y * s + p_z * c
     g_2 = p_y * c - p_z * s
     A[0, 0], A[0, 1], A[0, 2], A[0, 3], A[0, 4], A[0, 5] = g_2 * t, g_1 * sec * sec, 0.0, -1.0, -s * t, -c * t
     A[1, 0], A[1, 1], A[1, 2], A[1, 3], A[1, 4], A[1, 5] = -g_1, 0.0, 0.0, 0.0, -c, s
     A[2, 0], A[2, 1], A[2, 2], A[2, 3], A[2, 4], A[2, 5] = g_2 * sec, g_1 * t * sec, 0.0, 0.0, -s * sec, -c * sec
+    return u[0] - x[3] + g_1 * t, g_2, g_1 * sec
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -106,8 +104,7 @@ def level(a_x, a_y, a_z, gravity, literal):
 @njit(cache=True, error_model="numpy", nogil=True)
 def predict(x, P, u, dt, q_angle, q_bias, literal, A, W):
     """(31), (33): state and covariance one interval on, in place. A (3, 6) and W (6, 6) are room to work in."""
-    fill_jacobian(x, u, A)
-    d_roll, d_pitch, d_heading = euler_rates(x[0], x[1], u[0] - x[3], u[1] - x[4], u[2] - x[5])
+    d_roll, d_pitch, d_heading = linearise(x, u, A)
     x[0] += d_roll * dt
     x[1] += d_pitch * dt
     x[2] += d_heading * dt
@@ -232,8 +229,9 @@ def run(time, gyro, accel, speed, depth_height, fix_row, fixes, x, P, lat, lon, 
                 w_nn += (std_v * dt) ** 2
                 w_ee += (std_v * dt) ** 2
             else:
-                v_n = speed[k] * cos(x[1]) * cos(x[2])
-                v_e = speed[k] * cos(x[1]) * sin(x[2])
+                c_p, s_h, c_h = cos(x[1]), sin(x[2]), cos(x[2])
+                v_n = speed[k] * c_p * c_h
+                v_e = speed[k] * c_p * s_h
                 v_d = -speed[k] * sin(x[1])
                 std_h = sqrt(max(P[2, 2], 0.0))
                 h_n -= v_e * std_h * dt
@@ -242,9 +240,9 @@ def run(time, gyro, accel, speed, depth_height, fix_row, fixes, x, P, lat, lon, 
                 s_n += v_n * tuning.speed_scale * dt
                 s_e += v_e * tuning.speed_scale * dt
                 q = tuning.speed_std**2 * tuning.speed_interval * dt
-                w_nn += q * cos(x[2]) ** 2
-                w_ne += q * cos(x[2]) * sin(x[2])
-                w_ee += q * sin(x[2]) ** 2
+                w_nn += q * c_h * c_h
+                w_ne += q * c_h * s_h
+                w_ee += q * s_h * s_h
             R_N, R_E = radii(lat)
             h = 0.0 if literal else height
             cos_lat = cos(lat)

@@ -69,7 +69,7 @@ def _which(sheet: Sheet) -> str:
     if not sheet.has_headings:
         return "imu"
     words = {i for i, c in enumerate(sheet.columns) if c.dtype.kind == "U"}
-    found, _ = match(sheet.headings, "imu", words)
+    found, _ = match(sheet.headings, "imu", words, [])
     for stem in ("gyro", "accel", "dtheta", "dv"):
         if all(f"{stem}_{a}" in found for a in "xyz"):
             return "imu"
@@ -91,7 +91,7 @@ def _check_other(sheet: Sheet, path: Path, table: str) -> CheckReport:
 
     report = CheckReport(str(path), table, len(sheet))
     words = {i for i, c in enumerate(sheet.columns) if c.dtype.kind == "U"}
-    found, _ = match(sheet.headings, table, words)
+    found, _ = match(sheet.headings, table, words, [])
     time = clock(sheet, found, report)
     numbers = {n: sheet.columns[m.index] for n, m in found.items() if sheet.columns[m.index].dtype.kind == "f"}
     missing_numbers(numbers, report)
@@ -100,7 +100,7 @@ def _check_other(sheet: Sheet, path: Path, table: str) -> CheckReport:
         report.notes = made.notes
         report.units = [", ".join(c.header for c in SCHEMAS[table].columns if c.name in made)]
     except InputError as error:
-        report.notes = [str(error)]
-    if time is not None and not report.faults:
+        report.refused = str(error)
+    if time is not None and not report.faults and not report.refused:
         report.next = [study_line(table, path)]
     return report

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.ground.units import G0, to_si
+from schuler.ground.units import G0, to_si, unit_of
 from schuler.io.check_clock import beside, clock, missing_numbers, study_line
 from schuler.io.check_report import CheckReport
 from schuler.io.formats.generic import tables_in
@@ -25,7 +25,13 @@ Array = NDArray[np.float64]
 def check_imu(sheet: Sheet, path: Path) -> CheckReport:
     report = CheckReport(str(path), "imu", len(sheet))
     if sheet.has_headings:
-        found, _ = match(sheet.headings, "imu", {i for i, c in enumerate(sheet.columns) if c.dtype.kind == "U"})
+        complaints: list[tuple[str, str]] = []
+        words = {i for i, c in enumerate(sheet.columns) if c.dtype.kind == "U"}
+        found, _ = match(sheet.headings, "imu", words, complaints)
+        for stem, code in (("time", "time_unit"), ("gyro", "gyro_unit"), ("accel", "accel_unit")):
+            said = [sentence for column, sentence in complaints if column.startswith(stem)]
+            if said:
+                report.add(code, said[0], "correct the unit in the heading")
     else:
         found, sentence = place_columns(sheet, "imu")
         report.notes.append(sentence)
@@ -202,7 +208,8 @@ def _judge_gyro(
     if unit:
         factor, text = unit_text(unit)
         rates = to_si(rates * factor, text if quantity_of(unit) != "angle" else f"{text}/s")
-        wrong = gyro_contradiction(rates, force, dt) if force is not None else None
+        claimed = unit_of(text if quantity_of(unit) != "angle" else f"{text}/s").name
+        wrong = gyro_contradiction(rates, force, dt, claimed) if force is not None else None
         if wrong is None:
             return rates
         report.add(
@@ -211,9 +218,7 @@ def _judge_gyro(
             f"schuler convert {file} {beside(file)} --gyro-unit {wrong.unit}",
         )
         return to_si(gyro, wrong.unit) if not increments else None
-    guess = guess_gyro(
-        rates, force if force is not None else np.full_like(rates, np.nan), dt if force is not None else None
-    )
+    guess = guess_gyro(rates, force, dt)
     if not guess.sure:
         report.add(
             "gyro_unit",

@@ -34,7 +34,8 @@ class CheckReport:
     """What was found in one file. kind and gravity_axis are None where the file holds no accelerometer.
 
     gaps : (time of the last row before, length), s. gravity_axis : the axis along which a resting accelerometer reads
-    +g ("-z" for forward-right-down). units : what each group was taken for, as sentences. still : stretches at rest.
+    +g ("-z" for forward-right-down). units : what each group was taken for, as sentences.
+    refused : why no table can be made of it, "" where one can. still : stretches at rest.
     """
 
     file: str
@@ -53,6 +54,7 @@ class CheckReport:
     noise: Noise | None = None
     faults: list[Fault] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    refused: str = ""
     next: list[str] = field(default_factory=list)
 
     def add(self, code: str, says: str, type_next: str) -> None:
@@ -75,4 +77,5 @@ class CheckReport:
             "noise": self.noise.as_dict() if self.noise else None,
             "faults": [{"code": f.code, "says": f.says, "type_next": f.type_next} for f in self.faults],
             "notes": self.notes,
+            "refused": self.refused,
         }

@@ -44,8 +44,10 @@ def render(report: CheckReport) -> str:
         for fault in report.faults:
             _say(lines, "!" + fault.code, fault.says)
             _say(lines, "", f"-> {fault.type_next}")
-    else:
+    elif not report.refused:
         _say(lines, "faults", "none found")
+    if report.refused:
+        _say(lines, "refused", report.refused)
     for k, text in enumerate(report.next):
         lines.append(f"  {'' if k else 'next':<16}{text}")  # to be typed: never wrapped
     return "\n".join(lines)

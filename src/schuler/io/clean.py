@@ -33,6 +33,14 @@ def times_of(values: NDArray, found: Match, table: str, who: str) -> tuple[Array
     unit = found.unit
     if unit:
         factor, text = unit_text(unit)
+        step = np.diff(values[np.isfinite(values)])
+        if table == "imu" and len(step) and to_si(float(np.median(step)) * factor, text) > 2.0:
+            other = guess_time(values, table)
+            if other.sure and other.unit != text:
+                raise InputError(
+                    f"{who}: {heading} is said to be in {unit}, but {other.reason}; write time[{other.unit}] in the "
+                    "heading"
+                )
         return to_si(values * factor, text), []
     if not np.isfinite(values).any():
         raise InputError(f"{who}: column {heading} holds no number")

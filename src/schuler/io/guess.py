@@ -55,13 +55,15 @@ def guess_accel(accel: Array, dt: float | None) -> Guess:
     if len(fits) == 1:
         unit, kind = fits[0]
         what = "gravity" if kind == "rates" else f"gravity times the step of {dt:.4g} s"
-        return Guess(unit, f"its median length {size:.4g} is {what}", kind)
+        return Guess(unit, f"the median length {size:.4g} is {what}", kind)
     if fits:
         both = " and ".join(f"{kind} in {unit}" for unit, kind in fits)
-        return Guess("", f"its median length {size:.4g} fits {both}")
+        return Guess("", f"the median length {size:.4g} fits {both}")
     if size < 2.0:
-        return Guess("", f"its median length {size:.4g} is far from gravity in any unit; gravity may have been removed")
-    return Guess("", f"its median length {size:.4g} is not gravity in m/s^2, g or mg; they may be raw counts")
+        return Guess(
+            "", f"the median length {size:.4g} is far from gravity in any unit (gravity may have been removed)"
+        )
+    return Guess("", f"the median length {size:.4g} is not gravity in m/s^2, g or mg (raw counts, perhaps)")
 
 
 def turning_of_gravity(gyro: Array, accel: Array, dt: float) -> list[tuple[float, float, float]]:
@@ -97,8 +99,8 @@ def quietest(values: Array, dt: float, seconds: float = 1.0) -> tuple[float, flo
     return float(np.median(noise[quiet])), float(np.median(norm(parts[quiet].mean(axis=1))))
 
 
-def guess_gyro(gyro: Array, accel: Array, dt: float | None) -> Guess:
-    """Unit of a gyro triple. gyro (n, 3) rates as in the file, accel (n, 3) m/s^2, dt s (None: no time).
+def guess_gyro(gyro: Array, accel: Array | None, dt: float | None) -> Guess:
+    """Unit of a gyro triple. gyro (n, 3) rates as in the file, accel (n, 3) m/s^2 or None, dt s (None: no time).
 
     In turn: a rate that no gyro reaches; gravity turning in the accelerometer; Earth rate or noise while still; a
     vehicle that accelerates hard and can hardly be turning at a few degrees a second.
@@ -109,9 +111,9 @@ def guess_gyro(gyro: Array, accel: Array, dt: float | None) -> Guess:
         return Guess("rad/s", "all gyro values are zero")
     if fast > 50.0:
         if fast < 5000.0:
-            return Guess("deg/s", f"it reaches {fast:.4g}, which as rad/s would be {np.rad2deg(fast):.0f} deg/s")
-        return Guess("", f"it reaches {fast:.4g}; raw counts, or deg/h")
-    if dt:
+            return Guess("deg/s", f"the largest, {fast:.4g}, would be {np.rad2deg(fast):.0f} deg/s as rad/s")
+        return Guess("", f"the largest is {fast:.4g} (raw counts, or deg/h)")
+    if dt and accel is not None:
         votes = []
         for factor, correlation, chance in turning_of_gravity(gyro, accel, dt):
             for unit in GYRO_UNITS[:2]:
@@ -121,53 +123,57 @@ def guess_gyro(gyro: Array, accel: Array, dt: float | None) -> Guess:
         if votes and len({unit for _, unit, _ in votes}) == 1:
             correlation, unit, ratio = max(votes)
             return Guess(
-                unit, f"gravity turns in the accelerometer {ratio:.2f} times as it says (correlation {correlation:.2f})"
+                unit,
+                f"gravity turns in the accelerometer {ratio:.2f} times as the gyro says (correlation "
+                f"{correlation:.2f})",
             )
     gyro_noise, gyro_rest = quietest(gyro, dt or 0.01)
-    accel_noise, _ = quietest(accel, dt or 0.01)
+    accel_noise = quietest(accel, dt or 0.01)[0] if accel is not None else np.inf
     if gyro_noise >= 0.02 and accel_noise < 0.3:
         as_deg = np.rad2deg(gyro_noise)
-        return Guess("deg/s", f"its noise at rest is {gyro_noise:.3g}, which as rad/s would be {as_deg:.2g} deg/s")
+        return Guess("deg/s", f"the noise at rest, {gyro_noise:.3g}, would be {as_deg:.2g} deg/s as rad/s")
     if gyro_noise < 0.012 and 0.01 < accel_noise < 0.3:
         return Guess(
             "rad/s",
-            f"its noise at rest, {gyro_noise:.2g}, suits the accelerometer's {accel_noise:.2g} m/s^2 only as rad/s",
+            f"the noise at rest, {gyro_noise:.2g}, suits the accelerometer's {accel_noise:.2g} m/s^2 only as rad/s",
         )
     if accel_noise <= 0.01:
         earth = [u for u in GYRO_UNITS if 0.7 < to_si(gyro_rest, u) / EARTH_RATE < 1.3]
         if len(earth) == 1:
-            return Guess(earth[0], f"its mean at rest, {gyro_rest:.3g}, is Earth rate")
-    slow_f = norm(blocks(accel, max(1, round(0.5 / (dt or 0.01)))).mean(axis=1))
-    swing = float(np.quantile(np.abs(slow_f - np.median(slow_f)), 0.99)) if len(slow_f) else 0.0
+            return Guess(earth[0], f"the mean at rest, {gyro_rest:.3g}, is Earth rate")
+    swing = 0.0
+    if accel is not None and len(means := blocks(accel, max(1, round(0.5 / (dt or 0.01)))).mean(axis=1)):
+        swing = float(np.quantile(np.abs(norm(means) - np.median(norm(means))), 0.99))
     if swing > 2.0 and fast < 4.0:
         return Guess(
-            "rad/s", f"|f| swings by {swing:.2g} m/s^2, and as deg/s it would never turn faster than {fast:.2g} deg/s"
+            "rad/s",
+            f"|f| swings by {swing:.2g} m/s^2, and as deg/s nothing would ever turn faster than {fast:.2g} deg/s",
         )
     median = float(np.median(rate))
     return Guess(
         "",
-        f"its median size {median:.3g} and its largest {fast:.3g} could be rad/s ({np.rad2deg(median):.3g} and "
+        f"the median size {median:.3g} and the largest {fast:.3g} could be rad/s ({np.rad2deg(median):.3g} and "
         f"{np.rad2deg(fast):.3g} deg/s) as well as deg/s",
     )
 
 
-def gyro_contradiction(gyro: Array, accel: Array, dt: float | None) -> Guess | None:
-    """Strong evidence that rates said to be rad/s are in another unit; None where there is none.
+def gyro_contradiction(gyro: Array, accel: Array, dt: float | None, unit: str = "rad/s") -> Guess | None:
+    """Strong evidence that rates are in another unit than they are said to be; None where there is none.
 
-    gyro (n, 3) rad/s as claimed, accel (n, 3) m/s^2.
+    gyro (n, 3) rad/s, made from the file's numbers with `unit`; accel (n, 3) m/s^2; dt s.
     """
     fast = float(np.quantile(norm(gyro), 0.999))
-    if fast > 50.0:
-        return Guess("deg/s", f"it reaches {fast:.4g} rad/s = {np.rad2deg(fast):.0f} deg/s")
+    if fast > 50.0 and unit != "deg/s":
+        return Guess("deg/s", f"the largest is {fast:.4g} rad/s = {np.rad2deg(fast):.0f} deg/s")
     if not dt:
         return None
     for factor, correlation, chance in turning_of_gravity(gyro, accel, dt):
-        for unit in GYRO_UNITS[1:]:
-            ratio = factor / to_si(1.0, unit)
-            if 0.5 < ratio < 2.0 and correlation > max(0.3, 4.0 * chance):
+        for other in GYRO_UNITS:
+            ratio = factor * to_si(1.0, unit) / to_si(1.0, other)
+            if other != unit and 0.5 < ratio < 2.0 and correlation > max(0.3, 4.0 * chance):
                 return Guess(
-                    unit,
-                    f"gravity turns in the accelerometer {ratio:.2f} times as it says in {unit} "
+                    other,
+                    f"gravity turns in the accelerometer {ratio:.2f} times as the gyro says in {other} "
                     f"(correlation {correlation:.2f})",
                 )
     return None
@@ -203,8 +209,8 @@ def guess_place(lat: Array, lon: Array) -> Guess:
     """Degrees or radians for a latitude and longitude."""
     with np.errstate(invalid="ignore"):
         a, o = float(np.nanmax(np.abs(lat))), float(np.nanmax(np.abs(lon)))
-    if a > 5400.0 or o > 5400.0:
-        if a <= 9e8 and o <= 3.6e9 and (a > 1e6 or o > 1e6):
+    if a > 1e6 or o > 1e6:
+        if a <= 9e8 and o <= 3.6e9:
             return Guess("1e-7 deg", "they are integers of ten millionths of a degree")
         return Guess("", f"lat reaches {a:.6g} and lon {o:.6g}")
     if a > 90.0 or o > 360.0:
@@ -233,5 +239,5 @@ def guess_field(mag: Array) -> Guess:
     size = float(np.nanmedian(norm(mag)))
     for unit in ("uT", "gauss", "mgauss", "nT"):
         if 20e-6 < to_si(size, unit) < 80e-6:
-            return Guess(unit, f"its median length {size:.4g} is the Earth's field")
-    return Guess("", f"its median length {size:.4g} is not the Earth's field in uT, gauss or nT")
+            return Guess(unit, f"the median length {size:.4g} is the Earth's field")
+    return Guess("", f"the median length {size:.4g} is not the Earth's field in uT, gauss or nT")

@@ -84,10 +84,13 @@ def _suits(column: Column, unit: str) -> bool:
 _INCREMENT_OF = {("angle", "angular rate"), ("speed", "acceleration")}
 
 
-def parse_heading(heading: str, table: str) -> tuple[str, int, str] | None:
+def parse_heading(
+    heading: str, table: str, complaints: list[tuple[str, str]] | None = None
+) -> tuple[str, int, str] | None:
     """(contract column, preference, unit or "") of one heading, None where the table has no such column.
 
-    Raises InputError for a unit that is not known or measures something else.
+    Raises InputError for a unit that is not known or measures something else; with a list of complaints, (column,
+    sentence) goes there and the unit counts as not said.
     """
     schema, known = SCHEMAS[table], spellings(table)
     try:
@@ -105,17 +108,12 @@ def parse_heading(heading: str, table: str) -> tuple[str, int, str] | None:
             return column, preference, ""
         if unit == "G" and quantity(schema[column].unit) == "acceleration":
             unit = "g"
-        try:
-            fits = _suits(schema[column], unit)
-        except InputError as error:
-            raise InputError(f"column {heading}: {error}") from None
-        if not fits:
-            wants = quantity(schema[column].unit)
-            raise InputError(
-                f"column {heading}: {unit} is a unit of {quantity_of(unit)}, but {column} is {_article(wants)}; "
-                f"write {schema[column].header}, or another unit of {wants}"
-            )
-        return column, preference, unit
+        fault = _unit_fault(heading, schema[column], unit)
+        if fault and complaints is None:
+            raise InputError(fault)
+        if fault and complaints is not None:
+            complaints.append((column, fault))
+        return column, preference, "" if fault else unit
     words = key.split("_")
     for count in (3, 2, 1):
         base, ending = "_".join(words[:-count]), "_".join(words[-count:])
@@ -127,19 +125,35 @@ def parse_heading(heading: str, table: str) -> tuple[str, int, str] | None:
     return None
 
 
+def _unit_fault(heading: str, column: Column, unit: str) -> str:
+    """What is wrong with the unit of a heading, "" where nothing is."""
+    try:
+        if _suits(column, unit):
+            return ""
+    except InputError as error:
+        return f"column {heading}: {error}"
+    wants = quantity(column.unit)
+    return (
+        f"column {heading}: {unit} is a unit of {quantity_of(unit)}, but {column.name} is {_article(wants)}; "
+        f"write {column.header}, or another unit of {wants}"
+    )
+
+
 def _article(noun: str) -> str:
     return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 
 
-def match(headings: list[str], table: str, words: Container[int] = ()) -> tuple[dict[str, Match], list[str]]:
+def match(
+    headings: list[str], table: str, words: Container[int] = (), complaints: list[tuple[str, str]] | None = None
+) -> tuple[dict[str, Match], list[str]]:
     """The best file column for each contract column of a table, and the headings that are of no use to it.
 
-    words : indices of columns that hold text; numbers are preferred to them.
+    words : indices of columns that hold text; numbers are preferred to them. complaints : see `parse_heading`.
     """
     best: dict[str, tuple[int, Match]] = {}
     unused = []
     for index, heading in enumerate(headings):
-        found = parse_heading(heading, table) if heading else None
+        found = parse_heading(heading, table, complaints) if heading else None
         if found is None:
             unused.append(heading)
             continue

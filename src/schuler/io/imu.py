@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.ground.errors import InputError
-from schuler.ground.units import G0, to_si
+from schuler.ground.units import G0, to_si, unit_of
 from schuler.io.guess import guess_accel, guess_gyro, gyro_contradiction, norm
 from schuler.io.headings import quantity_of, unit_text
 
@@ -84,7 +84,7 @@ def imu_columns(
             guess = type(guess)("m/s", "the columns are named as increments", "increments")
         if not guess.sure:
             raise InputError(
-                f"{who}: {push_name}_x, _y, _z have no unit and {guess.reason}; write it in the heading, e.g. "
+                f"{who}: {push_name}_x, _y, _z have no unit, and {guess.reason}; write it in the heading, e.g. "
                 f"accel_x[m/s^2] or dv_x[m/s], or give the accelerometer unit (--accel-unit g; for raw counts "
                 "scale_accel_g in [input])"
             )
@@ -114,7 +114,9 @@ def imu_columns(
     turn = _scale(turn, turn_unit)
     if not options.trust_units:
         per_second = turn[good] / dt if kind == "increments" and dt else turn[good]
-        wrong = gyro_contradiction(per_second, as_rates, dt)
+        plain = unit_text(turn_unit)[1]
+        said = plain if quantity_of(plain) == "angular rate" else f"{plain}/s"
+        wrong = gyro_contradiction(per_second, as_rates, dt, unit_of(said).name)
         if wrong:
             raise InputError(
                 f"{who}: {turn_name}_x, _y, _z are said to be in {turn_unit}, but {wrong.reason}; they are probably "
@@ -176,7 +178,7 @@ def _guess_turn(turn: Array, accel: Array, dt: float | None, kind: str, name: st
     guess = guess_gyro(rates, accel, dt)
     if not guess.sure:
         raise InputError(
-            f"{who}: {name}_x, _y, _z have no unit and {guess.reason}; write it in the heading, e.g. {name}_x[rad/s], "
+            f"{who}: {name}_x, _y, _z have no unit, and {guess.reason}; write it in the heading, e.g. {name}_x[rad/s], "
             "or give the gyro unit (--gyro-unit deg/s; for raw counts scale_gyro_deg_per_s in [input])"
         )
     unit = guess.unit

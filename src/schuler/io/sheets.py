@@ -137,7 +137,7 @@ def parse_text(data: bytes, path: Path) -> Sheet:
     lines = decode(data, path).splitlines()
     numbers = [i for i, line in enumerate(lines, 1) if line.strip() and line.lstrip()[0] not in "#%"]
     if not numbers:
-        raise InputError(f"{path.name}: no table in it, only {'remarks' if any(lines) else 'blank lines'}")
+        raise InputError(f"{path.name}: no table in it, only {'remarks' if ''.join(lines).strip() else 'blank lines'}")
     rows = [lines[i - 1] for i in numbers]
     if sum(bool(re.match(r"^[$!][A-Z]{5},", r.lstrip())) for r in rows[:20]) >= min(len(rows[:20]), 3):
         raise InputError(f"{path.name} is an NMEA log, not a table; to make tables of it: schuler convert {path} OUT")
@@ -249,9 +249,11 @@ def _columns(
             notes.append(f"{path.name}: {counted(len(wrong), 'row')} without {width} columns left out (line {some})")
         else:
             i = wrong[0]
+            others = f" ({counted(len(wrong) - 1, 'more line')} like it)" if len(wrong) > 1 else ""
             raise InputError(
-                f"{path.name}: line {numbers[i]} has {len(split[i])} columns where {width} were expected, and so have "
-                f"{len(wrong) - 1} other lines; every row needs the same columns"
+                f"{path.name}: line {numbers[i]} has {counted(len(split[i]), 'column')} where {width} were "
+                f"expected{others}; "
+                "every row needs the same columns"
             )
         gone = set(wrong)
         split = [s for i, s in enumerate(split) if i not in gone]

@@ -122,12 +122,20 @@ class Work:
             self.found, sentence = place_columns(self.sheet, self.name)
             self.say(sentence)
         absent = schema.missing({*self.found, *self._time_otherwise()})
+        if absent and self.name == "imu":
+            mixed = {"gyro_x", "dv_x"} <= self.found.keys() or {"dtheta_x", "accel_x"} <= self.found.keys()
+            if mixed and not {"gyro_x", "accel_x"} <= self.found.keys():
+                raise InputError(
+                    f"{self.who}: rates and increments are mixed; give gyro_x[rad/s] with accel_x[m/s^2], or "
+                    "dtheta_x[rad] "
+                    "with dv_x[m/s]"
+                )
         if absent:
             headings = ", ".join(h for h in self.sheet.headings if h)
             more = f"; it has {headings[:200]}" if headings else ""
             several = "columns" if len(absent) > 1 or "," in absent[0] else "column"
             hint = ""
-            if "time[s]" in absent and self.name == "imu":
+            if absent == ["time[s]"] and self.name == "imu":
                 hint = '; for rows at a steady rate set rate_hz in [input], or name the column "time[s]"'
             raise InputError(
                 f"{self.who}: {several} {', '.join(absent)} of table {self.name} "
@@ -248,6 +256,8 @@ class Work:
         )
         self.columns |= columns
         self.notes += sentences
+        for name in [n for n in self.found if n[:-2] in ("gyro", "accel", "dtheta", "dv")]:
+            del self.found[name]  # done; rates may have become increments
 
     def table(self) -> Table:
         """Clean rows, checked."""

@@ -87,12 +87,7 @@ def tables_in(sheet: Sheet) -> list[str]:
     used: set[int] = set()
     names: list[str] = []
     for t in MIXED:
-        try:
-            found, _ = match(sheet.headings, t, words)
-        except InputError:
-            if not names:
-                raise
-            continue
+        found, _ = match(sheet.headings, t, words, [])
         rate = {"time"} if t == "imu" and {"rate_hz", "sampling_rate"} & sheet.scalars.keys() else set()
         schema = SCHEMAS[t]
         if schema.missing({*found, *rate}):

@@ -53,7 +53,8 @@ def convert(path: Path) -> dict[str, Table]:
     if not recognise(path):
         raise InputError(f"{path.name} is not a ULog file")
     try:
-        log = ULog(str(path), _TOPICS)
+        with path.open("rb") as stream:
+            log = ULog(stream, _TOPICS)
     except Exception:  # pyulog raises whatever the parser of a damaged file runs into
         raise InputError(f"{path.name}: the ULog file is damaged or cut off") from None
     topics: dict[str, Columns] = {}

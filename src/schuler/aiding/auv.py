@@ -162,7 +162,7 @@ def navigate(tables: Tables, settings: AuvSettings) -> Navigation:
     tables : imu or attitude; gnss, speed, dvl, depth as far as present. Raises InputError where no start can be found.
     """
     from schuler.kernels.auv_run import INNOVATION, OUT, run
-    from schuler.kernels.auv_state import NX, N
+    from schuler.kernels.auv_state import NOMINAL, NX, N, T
 
     settings = with_receiver(settings, tables)
     rows, compass, notes = input_rows(tables, settings)
@@ -199,14 +199,14 @@ def navigate(tables: Tables, settings: AuvSettings) -> Navigation:
     no, k0, k1, nn, done = run(
         nav.x, nav.P, nav.X, nav.c, rows, mt, mk, mz, out_dt, *out, innov, inner_t, inner, nodes, ustd, first_row
     )
-    if not np.isfinite(nav.x[:24]).all():
+    if not np.isfinite(nav.x[:NOMINAL]).all():
         raise InputError("the filter lost its numbers; the input holds values far outside any vehicle (schuler check)")
     if done < n_m:
         notes.append(f"{n_m - done} measurements after the last imu row were left out")
 
     out = tuple(a[:no] for a in out)
     states_raw = nodes[2][:nn].copy()
-    times = states_raw[:, 24].copy()
+    times = states_raw[:, T].copy()
     result = Navigation(filter=_solution(*out), notes=notes)
     result.innovations = _innovations(measurements[first_m:], innov, done, inner_t, inner, (k0, k1))
     smoothed = smoothed_std = None
@@ -227,6 +227,8 @@ def navigate(tables: Tables, settings: AuvSettings) -> Navigation:
 
 def _until_started(nav: AuvFilter, rows: Array, measurements: list[Measurement]) -> tuple[int, int]:
     """Feeds the filter in time order until it has started: next row, next measurement."""
+    from schuler.kernels.auv_state import TROW
+
     i = j = 0
     while not nav.started:
         if i >= len(rows) and j >= len(measurements):
@@ -240,23 +242,25 @@ def _until_started(nav: AuvFilter, rows: Array, measurements: list[Measurement])
         else:
             nav.update(measurements[j])
             j += 1
-    while i < len(rows) and rows[i, 0] <= nav.x[72]:
+    while i < len(rows) and rows[i, 0] <= nav.x[TROW]:
         i += 1
     return i, j
 
 
 def _solution(ox: Array, pos: Array, vel: Array, att: Array) -> Solution:
     from schuler.ground.frames import dcm_from_quat, euler_from_dcm
+    from schuler.kernels.auv_run import OUT_DRIFT, OUT_T
+    from schuler.kernels.auv_state import CN, DE, DN, HGT, KP, LAT, LON, U, W
 
     C_nb = dcm_from_quat(ox[:, 0:4])
     roll, pitch, heading = euler_from_dcm(C_nb)
-    forward = C_nb[:, :, 0] * ox[:, 13:14]
-    v_n = forward + np.column_stack([ox[:, 15], ox[:, 16], np.zeros(len(ox))])
-    v_n[:, 2] = forward[:, 2] * (1.0 + ox[:, 20])
-    drift = ox[:, 25] > 0.5
-    v_n[drift] = np.column_stack([ox[drift, 22], ox[drift, 23], np.zeros(int(drift.sum()))])
+    forward = C_nb[:, :, 0] * ox[:, U : U + 1]
+    v_n = forward + np.column_stack([ox[:, CN] + ox[:, W], ox[:, CN + 1] + ox[:, W + 2], np.zeros(len(ox))])
+    v_n[:, 2] = forward[:, 2] * (1.0 + ox[:, KP])
+    drift = ox[:, OUT_DRIFT] > 0.5
+    v_n[drift] = np.column_stack([ox[drift, DN], ox[drift, DE], np.zeros(int(drift.sum()))])
     rpy = np.column_stack([roll, pitch, heading])
-    return Solution(ox[:, 24].copy(), ox[:, 10].copy(), ox[:, 11].copy(), ox[:, 12].copy(), v_n, rpy, pos, vel, att)
+    return Solution(ox[:, OUT_T].copy(), *(ox[:, i].copy() for i in (LAT, LON, HGT)), v_n, rpy, pos, vel, att)
 
 
 def _innovations(

@@ -183,12 +183,12 @@ class AuvFilter:
 
     @property
     def state(self) -> Array:
-        """(24,) nominal state in the order of `kernels.auv_state`."""
+        """(28,) nominal state in the order of `kernels.auv_state`."""
         return self.x[: _k().NOMINAL].copy()
 
     @property
     def covariance(self) -> Array:
-        """(23, 23) covariance of the error state at the last covariance step."""
+        """(27, 27) covariance of the error state at the last covariance step."""
         return self.P.copy()
 
     def sigmas(self) -> dict[str, float]:
@@ -534,4 +534,4 @@ def _k() -> Any:
     return auv_state
 
 
-_T, _TROW = 24, 72  # of kernels.auv_state, needed on every call
+_T, _TROW = 28, 76  # of kernels.auv_state, needed on every call

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, radians, sqrt
+from math import inf, pi, radians, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +66,8 @@ class AuvSettings:
     current_std: float = 0.3
     current_walk: float = 0.001  # m/s/sqrt(s): 0.06 m/s/sqrt(h)
     current_shear: float = 2e-4  # 1/s: how the current's change with depth adds to its walk
-    wave_std: float = 0.07  # horizontal orbital velocity, rms
+    wave_std: float = 0.07  # horizontal orbital velocity at the surface, rms
+    wave_period: float = 5.0
     drift_std: float = 0.3
     drift_tau: float = 3600.0
     speed_walk: float | None = None  # m/s/sqrt(s): 0.03 with a log, 0.01 from depth rate
@@ -117,7 +118,7 @@ def configuration(s: AuvSettings, *, compass: bool, has_log: bool, has_depth: bo
     c[k.SIG_DRIFT], c[k.TAU_DRIFT] = s.drift_std, s.drift_tau
     c[k.SHEAR] = s.current_shear if s.current_std > 0.0 else 0.0
     c[k.SIG_TILT], c[k.SIG_HEAD], c[k.HEAD_TAU] = s.attitude_std[0], s.attitude_std[2], s.attitude_tau
-    c[k.WAVE] = s.wave_std
+    c[k.WAVE], c[k.WAVE_W] = s.wave_std, 2.0 * pi / s.wave_period
     c[k.LEVEL_S], c[k.LEVEL_FLOOR] = s.level_block, s.level_floor
     c[k.MAG_STD], c[k.DECLINATION] = s.mag_std, s.declination
     c[k.ANT : k.ANT + 3] = s.antenna
@@ -154,6 +155,8 @@ def initial_variances(s: AuvSettings, *, compass: bool, has_log: bool, has_mag: 
     v[k.E_CN] = v[k.E_CE] = s.current_std**2
     v[k.E_M] = heading_offset_std(s, compass) ** 2 if compass or has_mag else 0.0
     v[k.E_EN] = v[k.E_EE] = s.gnss_correlated_std**2
+    v[k.E_W] = v[k.E_W + 2] = s.wave_std**2
+    v[k.E_W + 1] = v[k.E_W + 3] = (s.wave_std * 2.0 * pi / s.wave_period) ** 2
     v[k.E_KP] = s.path_scale_std**2
     v[k.E_KD] = s.dvl_scale_std**2 if has_dvl else 0.0
     return v

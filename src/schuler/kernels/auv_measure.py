@@ -37,6 +37,7 @@ from .auv_state import (
     E_M,
     E_N,
     E_U,
+    E_W,
     EE,
     EN,
     GAP_S,
@@ -78,7 +79,8 @@ from .auv_state import (
     TFIX,
     TINFO,
     VHREF,
-    WAVE,
+    VREF,
+    W,
     WOBBLE,
     ZD,
     ZDT,
@@ -89,8 +91,8 @@ from .auv_state import (
     U,
     carry_covariance,
     correct,
-    forward_axis,
     reset_levelling,
+    set_reference,
 )
 from .rotation import dcm_from_quat, wrap_pi
 
@@ -168,11 +170,9 @@ def apply(x, P, c, H, r, R, m, consider):
     d = np.zeros(N)
     for a in range(m):
         scalar_update(P, d, H[a], r[a], R[a], consider)
-    a0, a1, a2 = forward_axis(x)
-    u = x[U]
+    vn, ve = x[VREF], x[VREF + 1]
     correct(x, c, d)
-    b0, b1, b2 = forward_axis(x)
-    carry_covariance(P, c, a0, a1, a2, u, b0, b1, b2, x[U])
+    carry_covariance(P, c, vn - x[VREF], ve - x[VREF + 1])
 
 
 @njit(cache=True, error_model="numpy")
@@ -268,6 +268,7 @@ def measure_position(x, P, X, c, lat, lon, height, sn, se, sd, out):
         apply(x, P, c, H, r, R, 2, np.zeros(N))
         x[REJ_P] = 0.0
         x[TFIX] = x[T]
+        set_reference(x)
     else:
         x[REJ_P] += 1.0
     if height == height and used > 0.0:
@@ -309,8 +310,10 @@ def measure_velocity(x, P, X, c, zn, ze, zd, sn, se, sd, out):
     r[0] = vn - turn * ve + jn - zn
     r[1] = ve + turn * vn + je - ze
     R = np.zeros(3)
-    wave = c[WAVE] * c[WAVE]
-    R[0], R[1] = sn * sn + wave, se * se + wave
+    H[0, E_W], H[1, E_W + 2] = 1.0, 1.0
+    r[0] += x[W]
+    r[1] += x[W + 2]
+    R[0], R[1] = sn * sn, se * se
     S = innovation_covariance(P, H, R, 2)
     nis = nis_of(S, r, 2)
     used = 1.0
@@ -320,6 +323,7 @@ def measure_velocity(x, P, X, c, zn, ze, zd, sn, se, sd, out):
     if used > 0.0:
         apply(x, P, c, H, r, R, 2, np.zeros(N))
         x[REJ_V] = 0.0
+        set_reference(x)
         if x[DRIFT] < 0.5:
             x[TINFO] = x[T]
     else:
@@ -350,26 +354,26 @@ def measure_dvl(x, P, X, c, zx, zy, s, out):
     """Bottom-track velocity in b (forward, right), scaled by (1 + DVL scale)."""
     c00, c01, c02, c10, c11, c12, c20, c21, c22 = dcm_from_quat(x[QUAT], x[QUAT + 1], x[QUAT + 2], x[QUAT + 3])
     g = 1.0 + x[KD]
-    bx = x[U] + c00 * x[CN] + c10 * x[CE] + x[RATE + 1] * c[DVL + 2] - x[RATE + 2] * c[DVL + 1]
-    by = c01 * x[CN] + c11 * x[CE] + x[RATE + 2] * c[DVL] - x[RATE] * c[DVL + 2]
+    wn, we = x[CN] + x[W], x[CE] + x[W + 2]
+    bx = x[U] + c00 * wn + c10 * we + x[RATE + 1] * c[DVL + 2] - x[RATE + 2] * c[DVL + 1]
+    by = c01 * wn + c11 * we + x[RATE + 2] * c[DVL] - x[RATE] * c[DVL + 2]
     H = np.zeros((2, N))
     H[0, E_U] = g
     for a in range(2):
         fn, fe, fd = (c00, c10, c20) if a == 0 else (c01, c11, c21)
         H[a, E_CN], H[a, E_CE] = g * fn, g * fe
+        H[a, E_W], H[a, E_W + 2] = g * fn, g * fe
         if c[MODE] < 0.5:
             # C' (c + phi x c): the axis of b dotted with phi x c.
-            H[a, 0] = g * fd * x[CE]
-            H[a, 1] = -g * fd * x[CN]
-            H[a, 2] = g * (fe * x[CN] - fn * x[CE])
+            H[a, 0] = g * fd * we
+            H[a, 1] = -g * fd * wn
+            H[a, 2] = g * (fe * wn - fn * we)
         else:
-            H[a, E_M] = g * (fe * x[CN] - fn * x[CE])
+            H[a, E_M] = g * (fe * wn - fn * we)
     H[0, E_KD], H[1, E_KD] = bx, by
     r = np.zeros(3)
     r[0], r[1] = g * bx - zx, g * by - zy
-    # Near the surface (a fix was there just now) the waves' orbital motion moves the vehicle over ground.
-    wave = c[WAVE] if x[T] - x[TFIX] < 5.0 else 0.0
-    R = np.full(2, s * s + wave * wave)
+    R = np.full(2, s * s)
     S = innovation_covariance(P, H, R, 2)
     nis = nis_of(S, r, 2)
     record(out, S, r, 2, nis, 1.0)

@@ -32,10 +32,9 @@ from .auv_state import (
     RE,
     RN,
     VHREF,
+    VREF,
     N,
-    U,
     correct,
-    forward_axis,
     refresh_earth,
     turn_error,
 )
@@ -57,11 +56,10 @@ def difference(c, a, b, d):
     for i in range(E_U, N):
         d[i] = a[i + 1] - b[i + 1]
     f0, f1, f2 = turn_error(c, d)
-    a0, a1, a2 = forward_axis(a)
-    b0, b1, b2 = forward_axis(b)
-    u = a[U]
-    d[E_CN] += u * a0 - b[U] * b0 - (u * (a1 * f2 - a2 * f1) + a0 * d[E_U])
-    d[E_CE] += u * a1 - b[U] * b1 - (u * (a2 * f0 - a0 * f2) + a1 * d[E_U])
+    vn, ve = a[VREF], a[VREF + 1]
+    co, si = math.cos(f2), math.sin(f2)
+    d[E_CN] += vn - ve * f2 - (co * vn - si * ve)
+    d[E_CE] += ve + vn * f2 - (co * ve + si * vn)
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,10 +1,11 @@
 """The AUV filter's state as flat arrays: layout, propagation of the nominal state and of the covariance.
 
-Nominal state and bookkeeping share one vector x so that a filter is saved and resumed as bytes. Error state (N = 23),
+Nominal state and bookkeeping share one vector x so that a filter is saved and resumed as bytes. Error state (N = 27),
 error = estimate - truth, C_hat = (I - [phi x]) C:
 
     phi (3, n) | gyro bias (3) | accelerometer bias (3) | position N, E, D (m) | axial speed u through water |
-    log scale k | current N, E | compass offset m | GNSS correlated error N, E | path scale | DVL scale | surface drift N, E
+    log scale k | current N, E | compass offset m | GNSS correlated error N, E | path scale | DVL scale | surface drift N, E |
+    waves N, N', E, E' (orbital velocity at the surface: a lightly damped oscillator, seen by GNSS velocity and DVL)
 
 Motion: p' = C_nb (u, 0, 0) + current below, p' = drift on a surface leg; down: p_D' = -u sin(pitch) (1 + path scale).
 With a raw IMU (mode 0) the attitude is integrated; with a compass/AHRS (mode 1) it is given and only m is estimated.
@@ -22,37 +23,41 @@ from .rotation import dcm_from_quat, quat_from_euler, quat_from_rotvec, quat_pro
 # --- nominal state (x) -------------------------------------------------------------------------------------------
 QUAT, BG, BA, LAT, LON, HGT = 0, 4, 7, 10, 11, 12
 U, K, CN, CE, M, EN, EE, KP, KD, DN, DE = 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23
-NOMINAL = 24
+W = 24  # waves: orbital velocity north and its rate, east and its rate
+NOMINAL = 28
 # --- bookkeeping (x) ---------------------------------------------------------------------------------------------
-T, TC, TNODE = 24, 25, 26  # time of the nominal state, of the covariance, of the last node
-AI, VI = 27, 36  # integral of C dt (9) and of C (u, 0, 0) dt (3) since TC
-WIN, RN, RE, GRAV, CLAT = 39, 42, 43, 44, 45  # w_in (3), radii + height, gravity, cos(lat), refreshed with the covariance
-RATE = 46  # last body rate (3), for lever arms
-LT, LS, LB, LV0, LSV, LSVV, LSTV = 49, 50, 53, 59, 61, 63, 65  # levelling block
-MT, MS = 67, 68  # magnetometer block: seconds, integral of the heading residual
-SNIS, TINFO, DRIFT, TROW = 69, 70, 71, 72  # speed NIS average, last speed information, on a surface leg?, last row
-ZD, ZDT, DRATE = 73, 74, 75  # last depth measured, when, its rate
-REJ_P, REJ_V, TFIX, HREF, VHREF = 76, 77, 78, 79, 80
-ROLL, PITCH, HEAD, ROWS = 81, 82, 83, 84  # last compass row (mode 1), rows seen
-WOBBLE, MVAR = 85, 86  # velocity variance seen in the last levelling block, variance of a magnetometer block
-MH = 87  # integral of d(field azimuth)/d(tilt north, east) over the magnetometer block (2)
-NX = 90
+T, TC, TNODE = 28, 29, 30  # time of the nominal state, of the covariance, of the last node
+AI, VI = 31, 40  # integral of C dt (9) and of C (u, 0, 0) dt (3) since TC
+WIN, RN, RE, GRAV, CLAT = 43, 46, 47, 48, 49  # w_in (3), radii + height, gravity, cos(lat), of the last covariance step
+RATE = 50  # last body rate (3), for lever arms
+LT, LS, LB, LV0, LSV, LSVV, LSTV = 53, 54, 57, 63, 65, 67, 69  # levelling block
+MT, MS = 71, 72  # magnetometer block: seconds, integral of the heading residual
+SNIS, TINFO, DRIFT, TROW = 73, 74, 75, 76  # speed NIS average, last speed information, on a surface leg?, last row
+ZD, ZDT, DRATE = 77, 78, 79  # last depth measured, when, its rate
+REJ_P, REJ_V, TFIX, HREF, VHREF = 80, 81, 82, 83, 84  # fixes rejected in a row, last fix, height of depth zero
+ROLL, PITCH, HEAD, ROWS = 85, 86, 87, 88  # last compass row (mode 1), rows seen
+WOBBLE, MVAR = 89, 90  # velocity variance seen in the last levelling block, variance of a magnetometer block
+MH = 91  # integral of d(field azimuth)/d(tilt north, east) over the magnetometer block (2)
+VREF, DREF, DMAX = 93, 95, 97  # water velocity at the last fix (2), way since beside it (2), its largest square
+NX = 98
 
 # --- error state (P) ---------------------------------------------------------------------------------------------
 E_PHI, E_BG, E_BA, E_N, E_E, E_D, E_U, E_K, E_CN, E_CE, E_M = 0, 3, 6, 9, 10, 11, 12, 13, 14, 15, 16
 E_EN, E_EE, E_KP, E_KD, E_DN, E_DE = 17, 18, 19, 20, 21, 22
-N = 23
+E_W = 23  # waves (4), as in x
+N = 27
 
 # --- configuration (c) -------------------------------------------------------------------------------------------
 MODE, ARW, Q_BG, Q_BA, Q_POS, Q_DOWN, Q_U, Q_K, Q_M, Q_KP = range(10)
 TAU_C, SIG_C, TAU_E, SIG_E, SIG_DRIFT, SHEAR = range(10, 16)
 SIG_HEAD, SIG_TILT, WAVE, LEVEL_S, LEVEL_FLOOR, MAG_STD, DECLINATION = range(16, 23)
 ANT, DVL, LOG, DELAY, HAS_LOG, GAP_S, IMU_GAP_S, COV_DT, CONSIDER_S, TAU_DRIFT = 23, 26, 29, 32, 33, 34, 35, 36, 37, 38
-HEAD_TAU, SURFACE_M, GATE, HAS_DEPTH = 39, 40, 41, 42
+HEAD_TAU, SURFACE_M, GATE, HAS_DEPTH, WAVE_W = 39, 40, 41, 42, 43
 NC = 44
 
 OMEGA = 7.292115e-5
 A_WGS, E2 = 6378137.0, 6.69437999014131e-3
+DAMPING = 0.15  # of the wave oscillator: how pure the sea's tone is
 SIN_MIN_PITCH = 0.20791169081775934  # sin 12 deg: below this, depth rate says nothing of the speed
 
 
@@ -239,6 +244,16 @@ def advance_compass(x, P, X, c, t1, roll, pitch, heading, row):
 
 
 @njit(cache=True, error_model="numpy")
+def oscillator(w, tau):
+    """Transition (2, 2) over tau of a free oscillator of angular frequency w and damping ratio DAMPING."""
+    g = DAMPING * w
+    v = w * math.sqrt(1.0 - DAMPING * DAMPING)
+    e = math.exp(-g * tau)
+    co, si = math.cos(v * tau), math.sin(v * tau)
+    return e * (co + g / v * si), e * si / v, -e * w * w / v * si, e * (co - g / v * si)
+
+
+@njit(cache=True, error_model="numpy")
 def _rows(A, x, c, tau, ac, ae, imu, drift):
     """A <- Phi A, in place: the few rows of Phi that are not the identity's."""
     vn, ve, vd = x[VI], x[VI + 1], x[VI + 2]
@@ -269,6 +284,41 @@ def _rows(A, x, c, tau, ac, ae, imu, drift):
         A[E_CE, j] *= ac
         A[E_EN, j] *= ae
         A[E_EE, j] *= ae
+    if c[WAVE] > 0.0:
+        o00, o01, o10, o11 = oscillator(c[WAVE_W], tau)
+        for i in (E_W, E_W + 2):
+            for j in range(N):
+                w0, w1 = A[i, j], A[i + 1, j]
+                A[i, j] = o00 * w0 + o01 * w1
+                A[i + 1, j] = o10 * w0 + o11 * w1
+
+
+@njit(cache=True, error_model="numpy")
+def _bend(x, P, tau, imu):
+    """Second order of the heading error in position, which the linear covariance leaves out.
+
+    Heading and current learnt together at a fix leave an error only in the way d that differs from going on as then;
+    turned by psi, it errs by psi x d (in P) and by -psi^2 d / 2, whose mean square 3/4 sigma^4 d d' is added as d grows.
+    """
+    x[DREF] += x[VI] - x[VREF] * tau
+    x[DREF + 1] += x[VI + 1] - x[VREF + 1] * tau
+    d2 = x[DREF] * x[DREF] + x[DREF + 1] * x[DREF + 1]
+    if d2 > x[DMAX]:
+        var = P[2, 2] if imu else P[E_M, E_M]
+        k = 0.75 * var * var * (d2 - x[DMAX]) / d2
+        P[E_N, E_N] += k * x[DREF] * x[DREF]
+        P[E_N, E_E] += k * x[DREF] * x[DREF + 1]
+        P[E_E, E_N] += k * x[DREF] * x[DREF + 1]
+        P[E_E, E_E] += k * x[DREF + 1] * x[DREF + 1]
+        x[DMAX] = d2
+
+
+@njit(cache=True, error_model="numpy")
+def set_reference(x):
+    """A fix was taken: from here on `_bend` counts."""
+    a0, a1, a2 = forward_axis(x)
+    x[VREF], x[VREF + 1] = x[U] * a0, x[U] * a1
+    x[DREF] = x[DREF + 1] = x[DMAX] = 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -345,6 +395,21 @@ def flush(x, P, X, c):
     q_e = c[SIG_E] * c[SIG_E] * (1.0 - ae * ae)
     P[E_EN, E_EN] += q_e
     P[E_EE, E_EE] += q_e
+    if not drift:
+        _bend(x, P, tau, imu)
+    if c[WAVE] > 0.0:
+        # Stationary covariance sigma^2 diag(1, w^2); under water the sea is all but still.
+        o00, o01, o10, o11 = oscillator(c[WAVE_W], tau)
+        s2 = c[WAVE] * c[WAVE] * (1.0 if x[T] - x[TFIX] < 5.0 else 0.004)
+        w2 = c[WAVE_W] * c[WAVE_W]
+        for i in range(2):
+            a, b = E_W + 2 * i, W + 2 * i
+            P[a, a] += s2 * (1.0 - o00 * o00 - w2 * o01 * o01)
+            P[a + 1, a + 1] += s2 * (w2 - o10 * o10 - w2 * o11 * o11)
+            cross = -s2 * (o00 * o10 + w2 * o01 * o11)
+            P[a, a + 1] += cross
+            P[a + 1, a] += cross
+            x[b], x[b + 1] = o00 * x[b] + o01 * x[b + 1], o10 * x[b] + o11 * x[b + 1]
     for i in range(AI, VI + 3):
         x[i] = 0.0
     x[TC] = x[T]
@@ -370,15 +435,11 @@ def turn_error(c, d):
 def correct(x, c, d):
     """Takes the estimated error d (N) out of the nominal state and out of the running blocks.
 
-    The current is corrected so that the velocity over ground, u forward + current, moves by exactly its linear share:
-    what GNSS velocity cannot tell apart (heading and current) must stay untold when the heading moves far.
+    The last fix saw heading and current together, as the velocity over ground v_ref + current. So the current moves by
+    its linear share of that velocity: what the fix could not tell apart stays untold when the heading moves far.
     """
     imu = c[MODE] < 0.5
     f0, f1, f2 = turn_error(c, d)
-    a0, a1, a2 = forward_axis(x)
-    u = x[U]
-    ground_n = u * a0 + x[CN] - (u * (a1 * f2 - a2 * f1) + a0 * d[E_U] + d[E_CN])
-    ground_e = u * a1 + x[CE] - (u * (a2 * f0 - a0 * f2) + a1 * d[E_U] + d[E_CE])
     rotate_state_quat(x, QUAT, f0, f1, f2)
     for i in range(E_BG, E_N):
         x[i + 1] -= d[i]
@@ -387,9 +448,11 @@ def correct(x, c, d):
     x[HGT] += d[E_D]
     for i in range(E_U, N):
         x[i + 1] -= d[i]
-    a0, a1, a2 = forward_axis(x)
-    x[CN] = ground_n - x[U] * a0
-    x[CE] = ground_e - x[U] * a1
+    vn, ve = x[VREF], x[VREF + 1]
+    co, si = math.cos(f2), math.sin(f2)
+    x[VREF], x[VREF + 1] = co * vn - si * ve, co * ve + si * vn
+    x[CN] += vn - ve * f2 - x[VREF]
+    x[CE] += ve + vn * f2 - x[VREF + 1]
     if imu:
         s0, s1, s2 = x[LS], x[LS + 1], x[LS + 2]
         x[LS] += f1 * s2 - f2 * s1
@@ -405,25 +468,17 @@ def correct(x, c, d):
 
 
 @njit(cache=True, error_model="numpy")
-def carry_covariance(P, c, a0, a1, a2, u, b0, b1, b2, w):
-    """P after a correction that took the forward axis from a to b and the speed from u to w.
+def carry_covariance(P, c, tn, te):
+    """P after a correction that moved the velocity at the last fix by (-tn, -te).
 
-    The error of the velocity over ground keeps its covariance; the current's is what remains of it on the new axis.
+    The error of that velocity over ground keeps its covariance; the current's is what remains beside the new heading.
     """
-    imu = c[MODE] < 0.5
-    t0, t1, t2 = u * a0 - w * b0, u * a1 - w * b1, u * a2 - w * b2
-    s0, s1 = a0 - b0, a1 - b1
+    h = 2 if c[MODE] < 0.5 else E_M
     for j in range(N):
-        if imu:
-            p0, p1, p2 = P[0, j], P[1, j], P[2, j]
-        else:
-            p0, p1, p2 = 0.0, 0.0, P[E_M, j]
-        P[E_CN, j] += t1 * p2 - t2 * p1 + s0 * P[E_U, j]
-        P[E_CE, j] += t2 * p0 - t0 * p2 + s1 * P[E_U, j]
+        p = P[h, j]
+        P[E_CN, j] += te * p
+        P[E_CE, j] -= tn * p
     for i in range(N):
-        if imu:
-            p0, p1, p2 = P[i, 0], P[i, 1], P[i, 2]
-        else:
-            p0, p1, p2 = 0.0, 0.0, P[i, E_M]
-        P[i, E_CN] += t1 * p2 - t2 * p1 + s0 * P[i, E_U]
-        P[i, E_CE] += t2 * p0 - t0 * p2 + s1 * P[i, E_U]
+        p = P[i, h]
+        P[i, E_CN] += te * p
+        P[i, E_CE] -= tn * p

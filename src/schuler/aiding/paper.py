@@ -51,8 +51,8 @@ transition, is not used because the paper itself prefers (33); P^-1 in (34) is t
 class PaperSettings:
     """Settings of the filter, SI and radians. The paper gives no tuning: these are assumed, and say for what they hold.
 
-    level_std : one levelling sample at 100 Hz (scaled with the rate of the imu, as waves last for seconds).
-    course_std : one course fix at 1 Hz or slower (scaled up for faster fixes).
+    level_std : one levelling sample of 10 ms; a longer one says more in proportion, as waves last for seconds.
+    course_std : one course fix a second or more after the one before; closer ones say less in proportion.
     bias_std : start value of each gyro bias, rad/s. q_angle rad/sqrt(s), q_bias rad/s/sqrt(s): walks.
     rate : rows of the solution a second; None gives every imu epoch.
     start_* : known at the start; what is None comes from the first fix with a course, and from levelling.
@@ -196,7 +196,10 @@ def navigate_paper(tables: Tables, settings: PaperSettings | None = None) -> Nav
     heard = (fixes[:, kernel.FIX_TIME] > start["time"] - 1e-9) & (fix_row < len(time))
     fixes, fix_row = np.ascontiguousarray(fixes[heard]), fix_row[heard].astype(np.int64)
 
-    speed = _held(_need(tables, "speed", method), "speed", time, 0.0)
+    log = _need(tables, "speed", method)
+    speed = _held(log, "speed", time, 0.0)
+    intervals = np.diff(log.time, prepend=log.time[0] - 1.0)
+    speed_interval = _held(Table("speed", {"time": log.time, "interval": intervals}), "interval", time, 1.0)
     depth_height = -_held(tables["depth"], "depth", time, np.nan) if "depth" in tables else np.full(len(time), np.nan)
     out_row = _output_rows(time, settings.rate)
     out = np.zeros((len(out_row), kernel.OUT_COLUMNS))
@@ -204,9 +207,9 @@ def navigate_paper(tables: Tables, settings: PaperSettings | None = None) -> Nav
     x = np.array([start["roll"], start["pitch"], start["heading"], 0.0, 0.0, 0.0])
     bias_std = settings.bias_std if settings.estimate_bias else 0.0
     P = np.diag(np.square([settings.start_level_std] * 2 + [settings.start_heading_std] + [bias_std] * 3))
-    tuning = _tuning(settings, time, fixes, tables["speed"].time)
+    tuning = _tuning(settings)
     stopped = kernel.run(
-        time, gyro, accel, speed, depth_height, fix_row, fixes, x, P,
+        time, gyro, accel, speed, speed_interval, depth_height, fix_row, fixes, x, P,
         start["lat"], start["lon"], start["height"], tuning, out_row, out, at_fix,
     )  # fmt: skip
     if stopped:
@@ -296,7 +299,7 @@ def _start(
     time: Array, accel: Array, fixes: Array, settings: PaperSettings, method: str
 ) -> tuple[int, dict[str, float]]:
     """First imu epoch used and the state there."""
-    interval = float(np.median(np.diff(time)))  # the first row covers one interval before its stamp
+    interval = time[1] - time[0]  # the first row covers as much before its stamp
     earliest = time[0] - interval if settings.start_time is None else settings.start_time
     given = (settings.start_lat, settings.start_lon, settings.start_heading)
     if None not in given:
@@ -347,7 +350,7 @@ def _output_rows(time: Array, rate: float | None) -> NDArray[np.int64]:
     return np.unique(np.append(np.searchsorted(time, wanted - 1e-6), len(time) - 1)).astype(np.int64)
 
 
-def _tuning(settings: PaperSettings, time: Array, fixes: Array, speed_time: Array) -> Tuning:
+def _tuning(settings: PaperSettings) -> Tuning:
     from schuler.kernels import paper as kernel
 
     policies = {
@@ -357,11 +360,9 @@ def _tuning(settings: PaperSettings, time: Array, fixes: Array, speed_time: Arra
         "consider": kernel.CONSIDER,
         "held-course": kernel.HELD,
     }
-    fix_interval = float(np.median(np.diff(fixes[:, 0]))) if len(fixes) > 1 else 1.0
-    speed_interval = float(np.median(np.diff(speed_time))) if len(speed_time) > 1 else 1.0
     return kernel.Tuning(
-        level_var=settings.level_std**2 * 0.01 / float(np.median(np.diff(time))),
-        course_var=settings.course_std**2 * max(1.0, 1.0 / max(fix_interval, 1e-3)),
+        level_var=settings.level_std**2,
+        course_var=settings.course_std**2,
         q_angle=settings.q_angle,
         q_bias=settings.q_bias,
         policy=policies[settings.outage_policy],
@@ -372,7 +373,6 @@ def _tuning(settings: PaperSettings, time: Array, fixes: Array, speed_time: Arra
         fix_hold=settings.fix_hold,
         course_interval=settings.course_interval,
         speed_std=settings.speed_std,
-        speed_interval=speed_interval,
         speed_scale=settings.speed_scale_std,
         depth_std=settings.depth_std,
     )

@@ -28,13 +28,15 @@ HELD = 4  # the last course of the receiver measured again and again
 SEMI_MAJOR = 6378137.0  # WGS-84, m
 ECC2 = 6.69437999014e-3
 EARTH_RATE = 7.292115e-5  # rad/s
+LEVEL_SAMPLE = 0.01  # s
+LONGEST_SAMPLE = 0.1  # s
 
 
 class Tuning(NamedTuple):
     """Numbers of one run, SI: variances of a levelling sample and a course fix, walk densities, and the switches."""
 
-    level_var: float  # rad^2
-    course_var: float  # rad^2
+    level_var: float  # rad^2, one sample of 10 ms; a longer one says more in proportion, up to LONGEST_SAMPLE
+    course_var: float  # rad^2, one fix a second or later after the one before; less apart, it says less in proportion
     q_angle: float  # rad/sqrt(s)
     q_bias: float  # rad/s/sqrt(s)
     policy: int
@@ -45,7 +47,6 @@ class Tuning(NamedTuple):
     fix_hold: float  # s after a fix during which its velocity is used; then the speed log takes over
     course_interval: float  # s between heading rows in an outage
     speed_std: float  # m/s, white, one speed-log sample
-    speed_interval: float  # s between speed-log samples
     speed_scale: float  # 1 sigma of the log's scale
     depth_std: float  # m
 
@@ -173,13 +174,17 @@ def radii(lat):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def run(time, gyro, accel, speed, depth_height, fix_row, fixes, x, P, lat, lon, height, tuning, out_row, out, at_fix):
+def run(
+    time, gyro, accel, speed, speed_interval, depth_height, fix_row, fixes, x, P, lat, lon, height, tuning,
+    out_row, out, at_fix,
+):  # fmt: skip
     """The filter and its dead reckoning over n IMU epochs; row 0 is the start, already described by x, P, lat, lon.
 
-    time (n,) s; gyro rad/s, accel m/s^2 (n, 3), mean over (time[k-1], time[k]]; speed (n,) m/s as last heard;
-    depth_height (n,) m up, NaN where unknown (then (36) is integrated); fixes (m, FIX_COLUMNS), fix j heard at epoch
-    fix_row[j]; x (6,), P (6, 6) changed in place; out (r, OUT_COLUMNS) filled at the epochs out_row; at_fix (m,
-    AT_COLUMNS) filled. Returns 0, or the epoch at which a state stopped being finite.
+    time (n,) s; gyro rad/s, accel m/s^2 (n, 3), mean over (time[k-1], time[k]]; speed (n,) m/s as last heard and
+    speed_interval (n,) s between it and the one before; depth_height (n,) m up, NaN where unknown (then (36) is
+    integrated); fixes (m, FIX_COLUMNS), fix j heard at epoch fix_row[j]; x (6,), P (6, 6) changed in place; out (r,
+    OUT_COLUMNS) filled at the epochs out_row; at_fix (m, AT_COLUMNS) filled. Returns 0, or the epoch at which a state
+    stopped being finite.
     """
     A = np.zeros((3, 6))
     W = np.zeros((6, 6))
@@ -215,9 +220,10 @@ def run(time, gyro, accel, speed, depth_height, fix_row, fixes, x, P, lat, lon, 
             consider = outage and policy == CONSIDER
             roll, pitch = level(accel[k, 0], accel[k, 1], accel[k, 2], tuning.gravity, literal)
             y = roll - x[0]
-            update_row(x, P, 0, y if literal else wrap(y), tuning.level_var, freeze, consider, literal, K, c)
+            level_var = tuning.level_var * LEVEL_SAMPLE / min(dt, LONGEST_SAMPLE)
+            update_row(x, P, 0, y if literal else wrap(y), level_var, freeze, consider, literal, K, c)
             if isfinite(pitch):
-                update_row(x, P, 1, pitch - x[1], tuning.level_var, freeze, consider, literal, K, c)
+                update_row(x, P, 1, pitch - x[1], level_var, freeze, consider, literal, K, c)
             if outage and policy != DROP and policy != CONSIDER and time[k] - row_time >= tuning.course_interval - 1e-6:
                 row_time = time[k]
                 y = held_course - x[2] if policy == HELD else heading_before - x[2]
@@ -239,7 +245,7 @@ def run(time, gyro, accel, speed, depth_height, fix_row, fixes, x, P, lat, lon, 
                 h_d += (abs(speed[k]) * sqrt(max(P[1, 1], 0.0)) + abs(v_d) * tuning.speed_scale) * dt
                 s_n += v_n * tuning.speed_scale * dt
                 s_e += v_e * tuning.speed_scale * dt
-                q = tuning.speed_std**2 * tuning.speed_interval * dt
+                q = tuning.speed_std**2 * speed_interval[k] * dt
                 w_nn += q * c_h * c_h
                 w_ne += q * c_h * s_h
                 w_ee += q * s_h * s_h
@@ -265,13 +271,14 @@ def run(time, gyro, accel, speed, depth_height, fix_row, fixes, x, P, lat, lon, 
                 at_fix[j_fix, AT_EE] = b_ee + h_e * h_e + s_e * s_e + w_ee + var_e
                 at_fix[j_fix, AT_SEEN] = 1.0
                 if fix[FIX_COURSE_OK] > 0.0:
+                    course_var = tuning.course_var * max(1.0, 1.0 / max(fix[FIX_TIME] - course_time, 1e-3))
                     course_time, row_time = fix[FIX_TIME], fix[FIX_TIME]
                     course = atan2(fix[FIX_VE], fix[FIX_VN])
                     y = course - x[2] if literal else wrap(course - x[2])
                     at_fix[j_fix, AT_COURSE] = y
-                    at_fix[j_fix, AT_COURSE_VAR] = P[2, 2] + tuning.course_var
+                    at_fix[j_fix, AT_COURSE_VAR] = P[2, 2] + course_var
                     at_fix[j_fix, AT_COURSE_USED] = 1.0
-                    update_row(x, P, 2, y, tuning.course_var, False, False, literal, K, c)
+                    update_row(x, P, 2, y, course_var, False, False, literal, K, c)
                     held_course = course
             lat += north / (R_N + height)
             lon = wrap(lon + east / ((R_E + height) * cos(lat)))

@@ -28,7 +28,7 @@ def build() -> Callable[..., int | None]:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_program)
-    for command in (demo, run, check, convert, published, bench, warmup):
+    for command in (demo, run, check, convert, align, published, bench, warmup):
         app.command()(command)
     return app
 
@@ -78,6 +78,17 @@ def convert(
     from schuler.cli.files import convert
 
     convert(source, target, gyro_unit, accel_unit)
+
+
+def align(
+    study: Annotated[Path, typer.Argument(metavar="STUDY.toml", help="Your study file.", show_default=False)],
+    out: OutDir = None,
+    seed: Seed = None,
+) -> None:
+    """Initial attitude from a still or swaying recording, with its sigma and how long it should take."""
+    from schuler.cli.align import align
+
+    align(study, out, seed)
 
 
 def published(

@@ -23,7 +23,7 @@ REPRODUCED: Verdict = "reproduced"
 CORRECTED: Verdict = "corrected"
 NOT_REPRODUCIBLE: Verdict = "not reproducible"
 
-SOURCES: dict[str, str] = {"auv": "schuler.published.auv"}
+SOURCES: dict[str, str] = {"auv": "schuler.published.auv", "sins": "schuler.published.sins"}
 
 
 @dataclass(frozen=True)

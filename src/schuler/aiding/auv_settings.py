@@ -66,7 +66,7 @@ class AuvSettings:
     current_std: float = 0.3
     current_walk: float = 0.001  # m/s/sqrt(s): 0.06 m/s/sqrt(h)
     current_shear: float = 2e-4  # 1/s: how the current's change with depth adds to its walk
-    wave_std: float = 0.07  # horizontal orbital velocity at the surface, rms
+    wave_std: float = 0.06  # horizontal orbital velocity at the surface, rms
     wave_period: float = 5.0
     drift_std: float = 0.3
     drift_tau: float = 3600.0

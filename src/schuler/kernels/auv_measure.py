@@ -13,6 +13,7 @@ from numba import njit
 
 from .auv_state import (
     ANT,
+    ARW,
     CE,
     CN,
     CONSIDER_S,
@@ -101,12 +102,13 @@ LIMIT1, LIMIT2, LIMIT3 = 10.83, 13.82, 16.27
 
 
 @njit(cache=True, error_model="numpy")
-def scalar_update(P, d, h, r, R, consider):
+def scalar_update(P, d, h, r, R, consider, cross):
     """One scalar measurement r = H delta + noise: adds to the error estimate d and updates P (Joseph form).
 
-    consider: 1.0 where a state keeps its estimate (Schmidt), else 0.0. Returns nothing; S = H P H' + R.
+    consider: 1.0 where a state keeps its estimate (Schmidt), else 0.0. cross: covariance of the error state with the
+    noise. S = H P H' + 2 H cross + R.
     """
-    ph = np.zeros(N)
+    ph = cross.copy()
     for j in range(N):
         if h[j] != 0.0:
             hj = h[j]
@@ -115,7 +117,7 @@ def scalar_update(P, d, h, r, R, consider):
                 ph[i] += P[i, j] * hj
     s = R
     for j in range(N):
-        s += h[j] * ph[j]
+        s += h[j] * (ph[j] + cross[j])
     if s <= 0.0:
         return
     k = np.empty(N)
@@ -168,8 +170,15 @@ def nis_of(S, r, m):
 def apply(x, P, c, H, r, R, m, consider):
     """m scalar updates, one correction of the nominal state."""
     d = np.zeros(N)
+    none = np.zeros(N)
     for a in range(m):
-        scalar_update(P, d, H[a], r[a], R[a], consider)
+        scalar_update(P, d, H[a], r[a], R[a], consider, none)
+    _settle(x, P, c, d)
+
+
+@njit(cache=True, error_model="numpy")
+def _settle(x, P, c, d):
+    """Takes the estimated error out of the nominal state."""
     vn, ve = x[VREF], x[VREF + 1]
     correct(x, c, d)
     carry_covariance(P, c, vn - x[VREF], ve - x[VREF + 1])
@@ -460,10 +469,17 @@ def measure_level(x, P, X, c, out):
         # The mean force saw the tilt half a block ago.
         H[0, E_BG + i] = f_d * 0.5 * t * b1
         H[1, E_BG + i] = -f_d * 0.5 * t * b0
+    # The block's mean tilt misses part of the last random walk that P already holds at its end.
+    walk = f_d * f_d * c[ARW] * c[ARW] * t
+    cross = np.zeros((2, N))
+    cross[0, 1] = 0.5 * walk / f_d
+    cross[1, 0] = -0.5 * walk / f_d
     R = np.zeros(2)
-    R[0] = 2.0 * (wobble + P[E_U, E_U]) / (t * t) + c[LEVEL_FLOOR] * c[LEVEL_FLOOR]
+    R[0] = 2.0 * (wobble + P[E_U, E_U]) / (t * t) + c[LEVEL_FLOOR] * c[LEVEL_FLOOR] + walk / 3.0
     R[1] = R[0]
     S = innovation_covariance(P, H, R, 2)
+    for a in range(2):
+        S[a, a] -= walk
     nis = nis_of(S, r, 2)
     record(out, S, r, 2, nis, 1.0)
     more = _excess(nis, LIMIT2, c)
@@ -473,5 +489,8 @@ def measure_level(x, P, X, c, out):
     if x[T] - x[TFIX] > c[CONSIDER_S]:
         consider[2] = 1.0
         consider[E_BG + 2] = 1.0
-    apply(x, P, c, H, r, R, 2, consider)
+    d = np.zeros(N)
+    for a in range(2):
+        scalar_update(P, d, H[a], r[a], R[a], consider, cross[a])
+    _settle(x, P, c, d)
     reset_levelling(x)

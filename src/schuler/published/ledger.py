@@ -23,7 +23,11 @@ REPRODUCED: Verdict = "reproduced"
 CORRECTED: Verdict = "corrected"
 NOT_REPRODUCIBLE: Verdict = "not reproducible"
 
-SOURCES: dict[str, str] = {"auv": "schuler.published.auv", "sins": "schuler.published.sins"}
+SOURCES: dict[str, str] = {
+    "auv": "schuler.published.auv",
+    "platform": "schuler.published.platform",
+    "sins": "schuler.published.sins",
+}
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,10 @@ LAT = LAT_DEG * DEG
 B1, B3 = 0.01 * DEG_H, 0.1 * DEG_H
 
 
-def case_of(scenario: str, drift: tuple[float, float, float] = (0.0, 0.0, 0.0), psi_deg: float = HEADING_DEG) -> PlatformCase:
+Triple = tuple[float, float, float]
+
+
+def case_of(scenario: str, drift: Triple = (0.0, 0.0, 0.0), psi_deg: float = HEADING_DEG) -> PlatformCase:
     """A scenario of the paper as recomputed: drift in deg/h."""
     dlat, dlon = SCENARIOS[scenario]
     b1, b2, b3 = (x * DEG_H for x in drift)
@@ -53,7 +56,7 @@ def _row(where: str, quantity: str, unit: str, printed: float | None, ours: floa
 
 
 def errata() -> list[Row]:
-    """All twenty-four, in order. `published` is what the equation as read gives, `ours` what the corrected one gives."""
+    """All twenty-four. `published` is what the equation as read gives, `ours` what the corrected one gives."""
     return [*_equations(), *_alignment(), *_drift(), *_readings()]
 
 
@@ -194,7 +197,7 @@ def _drift() -> list[Row]:
         _row("eq. (34)", "alpha part of phi_y' at the start, psi_0 = 45 deg", "rad/s", swing, -swing,
              "Erratum 14: the sign, as in (31)."),
         _row("eq. (36)", "tilt part at 300 s, psi_0 = 45 deg", "m", printed, plain,
-             "Erratum 15: the terms with alpha cancel against what p_merror and q_merror leave out ((15) with r = b_g3)."),
+             "Erratum 15: the terms with alpha cancel what p_merror and q_merror leave out ((15) with r = b_g3)."),
         _row("eq. (28)", "error of channel 1 at 2 h, lon, psi_0 = 90 deg", "m", isotropic, right,
              "Erratum 16: the stiffness is (g/R) I - w w', smaller along the rate only; ours is the simulation."),
         Row(SOURCE, "eq. (35)", "error of channel 3 at 2 h at rest", "m", published, physical, NOT_REPRODUCIBLE,
@@ -207,7 +210,7 @@ def _drift() -> list[Row]:
 
 def _readings() -> list[Row]:
     said = (
-        ("eq. (4)-(11)", "Erratum 5: indices and a cross product lost in (4), (6), (9), (10); (11) is the last system."),
+        ("eq. (4)-(11)", "Erratum 5: indices and crosses lost in (4), (6), (9), (10); (11) is the last system."),
         ("eq. (26)", "Erratum 10: k_c is k_G, as (28) has it."),
         ("eq. (28)", "Erratum 17: phi' without index is phi_i'; R_GMM = 1/(k_I k_G k_F)."),
         ("eq. (33), (35)", "Erratum 18: second dots missing; A and a stand for two things each; a is read for alpha."),

@@ -82,9 +82,10 @@ def _channel_1(sets: dict[tuple[str, str], DriftSet]) -> list[Row]:
         run = sets[scenario, "ch1"].runs
         model = float(run[FREE].error[-1] - run[PUBLISHED].error[-1])
         plant = float(run[FREE].error[-1] - run[PI].error[-1])
+        quantity = f"free azimuth {word} than proposed, {_NAMES[scenario]}, 2 h"
         found.append(
             Row(
-                SOURCE, "figures 6-8, channel 1", f"free azimuth {word} than proposed, {_NAMES[scenario]}, 2 h",
+                SOURCE, "figures 6-8, channel 1", quantity,
                 "m", None, model, REPRODUCED if model * sign > 0.0 else CORRECTED,
                 "Sign as published against the source's own error model; it comes from the isotropic stiffness of (28). "
                 f"Two real platforms differ by {plant:+.2f} m.",
@@ -104,7 +105,7 @@ def _channel_3(sets: dict[tuple[str, str], DriftSet]) -> list[Row]:
         )  # fmt: skip
         found.append(
             Row(
-                SOURCE, where, f"proposed algorithm, {_NAMES[scenario]}: bounded", "m",
+                SOURCE, where, f"proposed, {_NAMES[scenario]}: bounded", "m",
                 run.largest(PUBLISHED), run.largest(PI), NOT_REPRODUCIBLE,
                 "Not reproducible: the drift turns the platform, the algorithm does not know its heading, and the error "
                 f"grows to that of free azimuth (at most {run.apart(PI, FREE):.0f} m apart). The bounded curve is "

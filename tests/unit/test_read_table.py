@@ -339,7 +339,9 @@ def test_numbers_that_speak_against_their_heading(tmp_path, gyro_factor, accel_f
 
 def test_radians_under_a_heading_of_degrees(tmp_path):
     t, gyro, accel = swinging()
-    assert "--gyro-unit rad/s" in refused(save(tmp_path / "a.csv", FULL.replace("rad/s", "deg/s"), t, gyro, accel))
+    path = save(tmp_path / "a.csv", FULL.replace("rad/s", "deg/s"), t, gyro, accel)
+    assert "--gyro-unit rad/s" in refused(path)
+    np.testing.assert_allclose(read_table(path, "imu", gyro_unit="rad/s")["gyro_x"], gyro[:, 0])  # a person is believed
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from schuler import __version__
 from schuler.ground.errors import InputError, StudyError
 from schuler.ground.tables import SCHEMAS, Table, validate
 from schuler.io.formats import FORMATS, Format
@@ -166,12 +167,10 @@ def _named(path: Path) -> str | None:
 
 
 def _record(source: Path, kind: Format, tables: dict[str, Table], notes: list[str]) -> dict[str, Any]:
-    from importlib.metadata import version
-
     return {
         "source": source.name,
         "format": kind.name,
-        "made_by": {"version": version("schuler")},
+        "made_by": {"version": __version__},
         "tables": {n: {"file": f"{n}.csv", "rows": len(t)} for n, t in tables.items()},
         "notes": notes,
     }

@@ -103,6 +103,8 @@ def imu_columns(
         turn, turn_unit = turn * gyro_scale, "deg/s"
     elif options.gyro_unit:
         turn_unit = options.gyro_unit
+        if kind == "increments" and turn_unit.endswith("/s"):
+            turn_unit = turn_unit[:-2]  # a person names the unit of the sensor; the file holds its increments
     as_rates = push[good] / dt if kind == "increments" and dt else push[good]
     if not turn_unit:
         turn_unit = _guess_turn(turn[good], as_rates, dt, kind, turn_name, who, notes)
@@ -112,7 +114,7 @@ def imu_columns(
             "or both as increments (rad, m/s)"
         )
     turn = _scale(turn, turn_unit)
-    if not options.trust_units:
+    if not (options.trust_units or options.gyro_unit):
         per_second = turn[good] / dt if kind == "increments" and dt else turn[good]
         plain = unit_text(turn_unit)[1]
         said = plain if quantity_of(plain) == "angular rate" else f"{plain}/s"
@@ -120,8 +122,8 @@ def imu_columns(
         if wrong:
             raise InputError(
                 f"{who}: {turn_name}_x, _y, _z are said to be in {turn_unit}, but {wrong.reason}; they are probably "
-                f"{wrong.unit}: to convert, schuler convert {who} OUT.csv --gyro-unit {wrong.unit} (trust_units, if "
-                "they are right)"
+                f"{wrong.unit}: to convert, schuler convert {who} OUT.csv --gyro-unit {wrong.unit} (or, where "
+                f"the heading is right after all, --gyro-unit {turn_unit})"
             )
     stems = ("gyro", "accel") if kind == "rates" else ("dtheta", "dv")
     out = {}

@@ -45,7 +45,7 @@ def write_table(path: str | Path, table: Table) -> Path:
         text = csv_text(columns)
         if path.suffix.lower() == ".gz":
             # no name and no date inside, so that equal tables make equal files
-            return atomically(path, lambda f: f.write(gzip.compress(text.encode(), 6, mtime=0)))
+            return atomically(path, lambda f: f.write(gzip.compress(text.encode(), 4, mtime=0)))
         return atomically(path, lambda f: f.write(text.encode()))
     if path.suffix.lower() == ".npz":
         return atomically(path, lambda f: np.savez_compressed(f, allow_pickle=False, **columns))

@@ -395,5 +395,7 @@ def test_many_tables_do_not_fit_into_one_file(tmp_path):
     with pytest.raises(InputError, match="give a folder as OUT"):
         convert(tmp_path, tmp_path / "all.csv")
     assert not (tmp_path / "all.csv").exists()
+    with pytest.raises(InputError, match="written as .csv"):
+        convert(tmp_path, tmp_path / "all.mat")
     report = convert(tmp_path, tmp_path / "depth.csv")
     assert any("not written: attitude, speed, gnss" in n for n in report.notes)

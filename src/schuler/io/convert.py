@@ -25,6 +25,7 @@ from schuler.io.writing import write_table
 
 RECORD = "conversion.json"
 _FILE = (".csv", ".csv.gz", ".npz", ".parquet", ".txt")
+_NOT_WRITTEN = {".mat", ".nc", ".h5", ".hdf5", ".json", ".xls", ".xlsx", ".gz", ".zip", ".ulg", ".nmea", ".log", ".tsv"}
 
 
 @dataclass
@@ -64,6 +65,8 @@ def convert(
     to_file = target.name.lower().endswith(_FILE) and not target.is_dir()
     if source.resolve() == target.resolve():
         raise InputError(f"{target}: the result would replace the recording itself; give another OUT")
+    if not to_file and not target.is_dir() and target.suffix.lower() in _NOT_WRITTEN:
+        raise InputError(f"{target.name}: tables are written as .csv, .csv.gz, .npz or .parquet, or into a folder")
     kind = _format(source, format)
     if to_file and not table and kind.name == "generic" and source.is_file():
         table = _named(target) or _named(source)

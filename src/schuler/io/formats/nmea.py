@@ -7,7 +7,9 @@ ellipsoid's: altitude above mean sea level plus the separation that the receiver
 
 from __future__ import annotations
 
+import gzip
 import re
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -51,14 +53,11 @@ def recognise(path: Path) -> bool:
         return False
     try:
         with path.open("rb") as f:
+            packed = f.read(2) == b"\x1f\x8b"
+        with gzip.open(path, "rb") if packed else path.open("rb") as f:
             head = f.read(65536)
-    except OSError:
+    except (OSError, EOFError, zlib.error):
         return False
-    if head[:2] == b"\x1f\x8b":
-        try:
-            head = read_bytes(path)[:65536]
-        except InputError:
-            return False
     return bool(_ANY.search(head))
 
 

@@ -443,7 +443,7 @@ def _what_to_know(settings: PaperSettings, start: dict[str, float], has_depth: b
         "Course over ground is taken for heading, as the paper does: a current or leeway adds the crab angle.",
         "The position sigma comes from heading, log scale and log noise; it does not know of any current.",
     ]
-    if settings.outage_policy in ("paper", "zero-free", "held-course"):
+    if not settings.literal and settings.outage_policy in ("paper", "zero-free", "held-course"):
         notes.append(
             "Without fixes this policy keeps the heading row, so the heading sigma (and with it the position sigma) is "
             'far too small; outage_policy = "consider" gives the same track with an honest one.'

@@ -25,7 +25,8 @@ POOR = math.radians(10.0)
 def angles_from_gravity_and_rate(g_b: ArrayLike, w_b: ArrayLike, lat: float, omega: float = OMEGA) -> Array:
     """(2.2) and (2.9) put right, in the thesis's frames: (..., 3) psi (counter-clockwise), theta, gamma.
 
-    g_b (..., 3): gravity vector in body axes (right, forward, up), w_b (..., 3): Earth rate there. |g| is taken from g_b.
+    g_b (..., 3): gravity vector in body axes (right, forward, up), w_b (..., 3): Earth rate there. |g| is taken from
+    g_b.
     """
     g_, w = np.asarray(g_b, dtype=np.float64), np.asarray(w_b, dtype=np.float64)
     g = np.linalg.norm(g_, axis=-1)
@@ -100,7 +101,8 @@ def heading_floor(drift: ArrayLike, lat: float, omega: float = OMEGA) -> Array:
 
 @dataclass(frozen=True)
 class SensorErrors:
-    """What is known of the IMU, 1 sigma per axis: constant biases (m/s^2, rad/s), white noise (m/s/sqrt(s), rad/sqrt(s))
+    """What is known of the IMU, 1 sigma per axis: constant biases (m/s^2, rad/s), white noise (m/s/sqrt(s),
+    rad/sqrt(s))
     and wander of the gyro bias (rad/s/sqrt(s))."""
 
     accel_bias: Array
@@ -126,7 +128,8 @@ class Alignment:
     """An attitude found. rpy (3,) rad at `to`; cov (3, 3) rad^2 of roll, pitch, heading; gyro_bias (3,) rad/s or None.
 
     history : time (n,) s and std (n, 3) rad of roll, pitch, heading while it was found.
-    floor : 1 sigma of the heading that the constant gyro bias leaves, rad. useful : s after which more time stops helping
+    floor : 1 sigma of the heading that the constant gyro bias leaves, rad. useful : s after which more time stops
+    helping
     (heading sigma within a tenth of the best it can become), None where that was not reached.
     """
 
@@ -153,7 +156,8 @@ class Alignment:
 def inertial_coarse(
     dtheta: Array, dv: Array, dt: Array, lat: float, *, earth: Ellipsoid = WGS84, height: float = 0.0, windows: int = 60
 ) -> Array:
-    """C_nb (3, 3) at the first instant, from a base that may rock: gravity in inertially fixed axes turns with the Earth.
+    """C_nb (3, 3) at the first instant, from a base that may rock: gravity in inertially fixed axes turns with the
+    Earth.
 
     The gyros carry the body into its own axes at the start; the specific force there, summed over windows, is matched
     with the gravity that the Earth carries round (Wahba's problem by singular values).
@@ -190,7 +194,8 @@ def _least_rotation(seen: Array, expected: Array) -> Array:
 def level_only(
     dtheta: Array, dv: Array, dt: Array, sensor: SensorErrors, heading: float, heading_std: float, g: float
 ) -> tuple[Array, Array, Array]:
-    """rpy (3,), covariance (3, 3) and gyro bias (3,) = mean rate (Earth rate, unknown in direction, left in), still base."""
+    """rpy (3,), covariance (3, 3) and gyro bias (3,) = mean rate (Earth rate, unknown in direction, left in), still
+    base."""
     T = float(dt.sum())
     f, w = dv.sum(axis=0) / T, dtheta.sum(axis=0) / T
     roll, pitch = math.atan2(-f[1], -f[2]), math.atan2(f[0], math.hypot(f[1], f[2]))
@@ -229,7 +234,8 @@ def find_still(time: Array, dtheta: Array, dv: Array, dt: Array, *, shortest: fl
             return float(time[(i - run) * width] - dt[0]), float(time[i * width - 1])
         run = 0
     raise InputError(
-        f"no still stretch of {shortest:g} s or more in this recording: give [align] from_s and to_s, or align in motion"
+        f"no still stretch of {shortest:g} s or more in this recording: give [align] from_s and to_s, or align in "
+        f"motion"
     )
 
 

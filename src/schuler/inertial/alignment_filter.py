@@ -1,7 +1,8 @@
 """Fine alignment: a Kalman filter that levels and gyrocompasses on a base that stands still or sways in place.
 
 States (15): phi, dv, position error in NED metres, accelerometer biases, gyro biases (b). The strapdown runs from the
-coarse attitude; once a second its distance from the place is measured, with the sway as noise. Corrections are fed back.
+coarse attitude; once a second its distance from the place is measured, with the sway as noise. Corrections are fed
+back.
 """
 
 from __future__ import annotations
@@ -47,9 +48,12 @@ def align(
 ) -> Alignment:
     """Attitude at `to` from the imu rows in (start, to], by default the first still stretch.
 
-    lat (rad) is needed to find north. sensor: the IMU's errors; they set the sigma and decide whether the gyros can find
-    north at all: where the heading that their bias leaves is above 10 deg, roll and pitch are levelled and the heading is
-    the one given (or unknown, with the sigma of a uniform angle). sway_m: how far the base moves about its place, 1 sigma.
+    lat (rad) is needed to find north. sensor: the IMU's errors; they set the sigma and decide whether the gyros can
+    find
+    north at all: where the heading that their bias leaves is above 10 deg, roll and pitch are levelled and the heading
+    is
+    the one given (or unknown, with the sigma of a uniform angle). sway_m: how far the base moves about its place, 1
+    sigma.
     """
     ready = prepare(imu)
     time, dt, dtheta, dv, notes = ready.time, ready.dt, ready.dtheta, ready.dv, list(ready.notes)
@@ -91,7 +95,8 @@ def _levelled(
         limit = math.degrees(min(math.hypot(floor, noise), math.pi / math.sqrt(3.0)))
         what = "its bias" if floor > noise else "its noise over so short a time"
         notes.append(
-            f"the gyro is too poor to find north: {what} leaves a heading sigma of {limit:.0f} deg here; roll and pitch "
+            f"the gyro is too poor to find north: {what} leaves a heading sigma of {limit:.0f} deg here; roll and "
+            f"pitch "
             "are levelled, give [start] heading_deg or align in motion"
         )
     unknown = math.pi / math.sqrt(3.0)

@@ -18,7 +18,8 @@ from schuler.ground.errors import InputError
 Array = NDArray[np.float64]
 Form = Literal["euler", "poisson", "quaternion"]
 _FORMS = {"euler": 0, "poisson": 1, "quaternion": 2}
-# k_N of the drift law, Euler angles and Poisson alike: mean psi rate = k_N h^N theta_m gamma_m w^(N+1) sin(eps - N pi/2).
+# k_N of the drift law, Euler angles and Poisson alike: mean psi rate = k_N h^N theta_m gamma_m w^(N+1) sin(eps - N
+# pi/2).
 DRIFT_CONSTANTS = {1: -1.0 / 4.0, 2: 1.0 / 12.0, 3: -1.0 / 48.0, 4: -1.0 / 960.0}
 
 
@@ -98,7 +99,7 @@ def integrate(
     out = np.empty((n // every, x.size))
     kernel.integrate(_FORMS[form], order, renormalise, law.array(), h, n, x, every, out)
     out = np.vstack([start, out])
-    time = np.arange(len(out)) * every * h
+    time = np.arange(len(out), dtype=np.float64) * (every * h)
     if form == "euler":
         angles = out
         C = np.array([dcm_zxy(*row) for row in out])

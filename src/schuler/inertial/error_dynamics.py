@@ -1,7 +1,9 @@
 """How sensor and start errors grow in a strapdown INS: the linear model in two forms, and closed forms at rest.
 
-Error = estimate - truth, NED, SI and radians; C_hat = (I - [phi x]) C. phi form: x = (phi, dv, dlat, dlon, dh); psi form:
-y = (psi, dv_c, dr) with dr = (dN, dE, dD) m, theta = (dE/r, -dN/r, -tan(lat) dE/r), psi = phi - theta, dv_c = dv + theta x v.
+Error = estimate - truth, NED, SI and radians; C_hat = (I - [phi x]) C. phi form: x = (phi, dv, dlat, dlon, dh); psi
+form:
+y = (psi, dv_c, dr) with dr = (dN, dE, dD) m, theta = (dE/r, -dN/r, -tan(lat) dE/r), psi = phi - theta, dv_c = dv +
+theta x v.
 Sources: Britting (1971), Inertial Navigation Systems Analysis; Benson (1975), A comparison of two approaches to
 pure-inertial and Doppler-inertial error analysis; Pitman (1962), Inertial Guidance, for the table of single causes.
 """
@@ -77,7 +79,8 @@ def psi_from_phi(lat: float, height: float, v_n: ArrayLike, earth: Ellipsoid) ->
 
 @dataclass(frozen=True)
 class LinearErrors:
-    """The linear model along a track: time (n,), x (n, 9); position (n, 3) m NED, velocity (n, 3) m/s, phi (n, 3) rad."""
+    """The linear model along a track: time (n,), x (n, 9); position (n, 3) m NED, velocity (n, 3) m/s, phi (n, 3)
+    rad."""
 
     time: Array
     x: Array
@@ -99,8 +102,8 @@ def propagate(
 ) -> LinearErrors:  # fmt: skip
     """Errors along the rows of a track (at least every second or so) by the phi form.
 
-    accel_error (m/s^2), gyro_error (rad/s): constant (3,), or (n - 1, 3) means over the steps, in b. Start errors: phi (3,)
-    rad, dv (3,) m/s, position (3,) m NED. held: the vertical channel taken out (ideal height).
+    accel_error (m/s^2), gyro_error (rad/s): constant (3,), or (n - 1, 3) means over the steps, in b. Start errors:
+    phi (3,) rad, dv (3,) m/s, position (3,) m NED. held: the vertical channel taken out (ideal height).
     """
     from schuler.kernels import error_model as kernel
 
@@ -141,7 +144,8 @@ def covariance(
 ) -> Array:
     """(n, 9, 9) covariance of phi, dv, position in NED metres along the rows of a track (n of them, 1 to 10 s apart).
 
-    start_std (9,): phi rad, dv m/s, position m NED. Turn-on bias and Gauss-Markov part share one bias state each where tau
+    start_std (9,): phi rad, dv m/s, position m NED. Turn-on bias and Gauss-Markov part share one bias state each where
+    tau
     is finite (their variances add; both then decay with tau).
     """
     from schuler.kernels import error_model as kernel
@@ -199,7 +203,8 @@ def at_rest(
     """The exact solution of the linear model at rest on a sphere with ideal height: Schuler, Foucault and 24 h motions.
 
     t (n,) s; accel_error (2,) m/s^2 north, east and gyro_error (3,) rad/s, constant in NED; start errors phi (3,) rad,
-    dv (2,) m/s, dr (2,) m. With z = dN + i dE:  z'' - 2 i Om sin(lat) z' + w^2 z = b - i g (psi_N + i psi_E), and psi turns
+    dv (2,) m/s, dr (2,) m. With z = dN + i dE:  z'' - 2 i Om sin(lat) z' + w^2 z = b - i g (psi_N + i psi_E), and psi
+    turns
     about the Earth's axis, so the right side holds a constant, t, and exp(+-i Om t); the free motion has the two rates
     Om sin(lat) +- sqrt(w^2 + Om^2 sin(lat)^2).
     """
@@ -257,10 +262,12 @@ def single_causes(
     t: ArrayLike, lat: float, earth: Ellipsoid, *, position: float = 1.0, velocity: float = 1.0, tilt: float = 1.0,
     azimuth: float = 1.0, accel: float = 1.0, gyro: float = 1.0, azimuth_gyro: float = 1.0,
 ) -> list[Cause]:  # fmt: skip
-    """Pitman's table: what each cause does to the north channel of a vehicle at rest, Foucault and 24 h motion neglected.
+    """Pitman's table: what each cause does to the north channel of a vehicle at rest, Foucault and 24 h motion
+    neglected.
 
     position m, velocity m/s, tilt (phi_E) rad, azimuth rad, accel m/s^2, gyro (east) rad/s, azimuth_gyro rad/s. With
-    w = Schuler's rate: v cos wt, v sin(wt)/w, -R tilt (1 - cos wt), ... ; the azimuth acts through the Earth rate that it
+    w = Schuler's rate: v cos wt, v sin(wt)/w, -R tilt (1 - cos wt), ... ; the azimuth acts through the Earth rate that
+    it
     throws into the east gyro, Om cos(lat) azimuth. Good for hours: error of order (Om t).
     """
     time = np.atleast_1d(np.asarray(t, dtype=np.float64))
@@ -306,7 +313,8 @@ def open_loop_holds(cause: str, share: float, earth: Ellipsoid) -> float:
 def nonlinear_rate(
     lat: float, height: float, v_n: Array, C_nb: Array, w_ib_b: Array, f_b: Array, earth: Ellipsoid
 ) -> tuple[Array, Array, Array]:
-    """The navigation equations as they stand: dC/dt (3, 3), dv/dt (3,), d(lat, lon, h)/dt (3,). For tests and teaching."""
+    """The navigation equations as they stand: dC/dt (3, 3), dv/dt (3,), d(lat, lon, h)/dt (3,). For tests and
+    teaching."""
     w_ie, w_en = earth.earth_rate_n(lat), earth.transport_rate_n(lat, height, v_n)
     r_n, r_e = (float(r) + height for r in earth.radii(lat))
     C_dot = C_nb @ skew(w_ib_b) - skew(w_ie + w_en) @ C_nb

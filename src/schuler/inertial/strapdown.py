@@ -57,7 +57,8 @@ class Start:
     @classmethod
     def level(
         cls, lat: float, lon: float, height: float = 0.0, *,
-        roll: float = 0.0, pitch: float = 0.0, heading: float = 0.0, v_n: ArrayLike = (0.0, 0.0, 0.0), time: float = 0.0,
+        roll: float = 0.0, pitch: float = 0.0, heading: float = 0.0, v_n: ArrayLike = (0.0, 0.0, 0.0), time: float =
+        0.0,
     ) -> Start:  # fmt: skip
         """From angles in rad."""
         return cls(time, lat, lon, height, np.array(v_n, dtype=np.float64), quat_from_euler(roll, pitch, heading))
@@ -219,7 +220,8 @@ def _track(time: Array, raw: Array, notes: list[str] | None = None) -> Track:
     if not np.all(np.isfinite(out)):
         row = int(np.argmax(~np.isfinite(out).all(axis=1)))
         raise InputError(f"the run stopped being a number at {time[row]:.3f} s: look at the IMU rows before it")
-    return Track(time, *out[:, :3].T.copy(), *np.split(out[:, 3:], [3], axis=1), notes or [])
+    lat, lon, height = out[:, :3].T.copy()
+    return Track(time, lat, lon, height, out[:, 3:6], out[:, 6:10], notes or [])
 
 
 def run(

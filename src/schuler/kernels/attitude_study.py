@@ -54,7 +54,8 @@ def _slope(form, t, law, x, w, out):
 @njit(cache=True, error_model="numpy")
 def integrate(form, order, renormalise, law, h, n, x, every, out):
     """n steps of h s from t = 0; x (m) the state, carried; out (n // every, m). Methods: Euler, midpoint, Kutta's
-    third order, the classical fourth. renormalise: the quaternion to unit length, C by Gram-Schmidt, after each step."""
+    third order, the classical fourth. renormalise: the quaternion to unit length, C by Gram-Schmidt, after each
+    step."""
     m = x.size
     w = np.empty(3)
     k1, k2, k3, k4, y = np.empty(m), np.empty(m), np.empty(m), np.empty(m), np.empty(m)

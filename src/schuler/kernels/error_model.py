@@ -1,7 +1,8 @@
 """Linear error model of a strapdown INS, phi form: F (9 x 9) and its propagation, with biases as further states.
 
 x = (phi (3), dv (3), dlat, dlon, dh), NED, estimate - truth, C_hat = (I - [phi x]) C. Earth array as in
-`kernels.mechanization`. On a sphere and on the ellipsoid every element is the exact derivative, radii and gravity included.
+`kernels.mechanization`. On a sphere and on the ellipsoid every element is the exact derivative, radii and gravity
+included.
 """
 
 from __future__ import annotations

@@ -62,40 +62,70 @@ def _formulas() -> list[Row]:
     put_right, by_triad = worst_return()
     made = [
         judge(
-            SOURCE, "recomputation of (2.1)", f"gravity on body {axis}, psi 30, theta 5, gamma -3 deg", "m/s^2", printed,
-            float(g_b[i]), "row 3 takes cos(gamma), not sin(gamma)",
+            SOURCE,
+            "recomputation of (2.1)",
+            f"gravity on body {axis}, psi 30, theta 5, gamma -3 deg",
+            "m/s^2",
+            printed,
+            float(g_b[i]),
+            "row 3 takes cos(gamma), not sin(gamma)",
         )
-        for i, (axis, printed) in enumerate(
-            (("x", "-0.51146203"), ("y", "-0.85499784"), ("z", "-9.75927688"))
-        )
-    ]  # fmt: skip
+        for i, (axis, printed) in enumerate((("x", "-0.51146203"), ("y", "-0.85499784"), ("z", "-9.75927688")))
+    ]
     made += [
         judge(
-            SOURCE, "recomputation of (2.4)", f"Earth rate on body {axis}, same attitude, latitude 50.27", "1e-5 rad/s",
-            printed, float(w_b[i]) * 1e5, "row 3 ends in + w_zeta cos cos",
+            SOURCE,
+            "recomputation of (2.4)",
+            f"Earth rate on body {axis}, same attitude, latitude 50.27",
+            "1e-5 rad/s",
+            printed,
+            float(w_b[i]) * 1e5,
+            "row 3 ends in + w_zeta cos cos",
         )
         for i, (axis, printed) in enumerate((("x", "2.60123601"), ("y", "4.50988157"), ("z", "5.10582811")))
-    ]  # fmt: skip
+    ]
     made += [
         judge(
-            SOURCE, "recomputation of (2.9)", "heading by the formula as printed, same attitude", "deg", "24.912104",
-            math.degrees(printed_heading(g_b, w_b)), "30 deg is right",
+            SOURCE,
+            "recomputation of (2.9)",
+            "heading by the formula as printed, same attitude",
+            "deg",
+            "24.912104",
+            math.degrees(printed_heading(g_b, w_b)),
+            "30 deg is right",
         ),
         Row(
-            SOURCE, "(2.9)", "heading of an object at 30 deg by the formula as printed", "deg",
-            math.degrees(printed_heading(g_b, w_b)), math.degrees(float(back[0])), CORRECTED,
+            SOURCE,
+            "(2.9)",
+            "heading of an object at 30 deg by the formula as printed",
+            "deg",
+            math.degrees(printed_heading(g_b, w_b)),
+            math.degrees(float(back[0])),
+            CORRECTED,
             "numerator is -c12, the denominator w_y g + w_zeta g_y, and four quadrants are needed; `published` is what "
             "the printed formula gives",
         ),
         Row(
-            SOURCE, "(2.2), (2.9)", "worst angle of 2000 random attitudes, put right", "rad", None, put_right, CORRECTED,
+            SOURCE,
+            "(2.2), (2.9)",
+            "worst angle of 2000 random attitudes, put right",
+            "rad",
+            None,
+            put_right,
+            CORRECTED,
             "returned to rounding",
         ),
         Row(
-            SOURCE, "(2.2), (2.9)", "worst element of 2000 random attitudes by TRIAD", "1", None, by_triad, CORRECTED,
+            SOURCE,
+            "(2.2), (2.9)",
+            "worst element of 2000 random attitudes by TRIAD",
+            "1",
+            None,
+            by_triad,
+            CORRECTED,
             "TRIAD needs neither |g| nor the latitude",
         ),
-    ]  # fmt: skip
+    ]
     return made
 
 
@@ -103,10 +133,15 @@ def _sensitivities() -> list[Row]:
     drift = 5e-4 * DEG_PER_H
     made = [
         judge(
-            SOURCE, "page of (2.13)", "gyro error of figures 2.6 and 2.7", "rad/s", "2.4241e-9", drift,
+            SOURCE,
+            "page of (2.13)",
+            "gyro error of figures 2.6 and 2.7",
+            "rad/s",
+            "2.4241e-9",
+            drift,
             "5e-4 deg/h; printed as 5e4 deg/h beside the right value in rad/s",
         )
-    ]  # fmt: skip
+    ]
     printed = {
         50.27: ("5.200853e-5", "1.203223e-6", "5.321175e-5"),
         57.27: ("6.148234e-5", "1.555868e-6", "6.303820e-5"),
@@ -123,43 +158,70 @@ def _sensitivities() -> list[Row]:
     tilt = math.degrees(float(np.linalg.norm(alignment.coarse_sensitivity(np.eye(3), LAT)[:2, 0]) * 1e-2 * 9.80665))
     made.append(
         judge(
-            SOURCE, "recomputation of figures 2.2, 2.3", "tilt for 1e-2 g", "deg", "0.572958", tilt,
+            SOURCE,
+            "recomputation of figures 2.2, 2.3",
+            "tilt for 1e-2 g",
+            "deg",
+            "0.572958",
+            tilt,
             "the right end of both straight lines",
         )
-    )  # fmt: skip
+    )
     th = 30.0 * D
     made.append(
         Row(
-            SOURCE, "(2.10) row 1", "d theta / (d g_y / g) at 30 deg of pitch", "1", -1.0 / (1.0 + math.sin(th) ** 2),
-            -1.0 / math.sqrt(1.0 - math.sin(th) ** 2), CORRECTED,
+            SOURCE,
+            "(2.10) row 1",
+            "d theta / (d g_y / g) at 30 deg of pitch",
+            "1",
+            -1.0 / (1.0 + math.sin(th) ** 2),
+            -1.0 / math.sqrt(1.0 - math.sin(th) ** 2),
+            CORRECTED,
             "the derivative of arcsin was taken for that of arctan",
         )
-    )  # fmt: skip
+    )
     return made
 
 
 def _floors() -> list[Row]:
     printed = {
-        0.003: "0.0179", 0.01: "0.0596", 0.017: "0.1013", 0.03: "0.1788", 0.08: "0.4768", 0.3: "1.788", 5.0: "29.8",
-    }  # fmt: skip
+        0.003: "0.0179",
+        0.01: "0.0596",
+        0.017: "0.1013",
+        0.03: "0.1788",
+        0.08: "0.4768",
+        0.3: "1.788",
+        5.0: "29.8",
+    }
     made = []
     for drift, value in printed.items():
         names = ", ".join(g.name for g in catalogue.GYROS if g.random_deg_per_h == drift)
         ours = math.degrees(float(alignment.heading_floor(drift * DEG_PER_H, LAT)))
         made.append(
             judge(
-                SOURCE, "recomputation of tables 2.2-2.4", f"heading floor of {drift:g} deg/h at 50.27 deg", "deg", value,
-                ours, names,
+                SOURCE,
+                "recomputation of tables 2.2-2.4",
+                f"heading floor of {drift:g} deg/h at 50.27 deg",
+                "deg",
+                value,
+                ours,
+                names,
             )
-        )  # fmt: skip
+        )
     for number, kind in ((2, "fibre-optic"), (3, "dynamically tuned"), (4, "laser")):
         count = sum(g.table == f"2.{number}" for g in catalogue.GYROS)
         made.append(
             Row(
-                SOURCE, f"table 2.{number}", f"{kind} gyros captioned as accelerometers", "1", None, float(count),
-                CORRECTED, "units are deg/h and deg/s: they are gyros",
+                SOURCE,
+                f"table 2.{number}",
+                f"{kind} gyros captioned as accelerometers",
+                "1",
+                None,
+                float(count),
+                CORRECTED,
+                "units are deg/h and deg/s: they are gyros",
             )
-        )  # fmt: skip
+        )
     return made
 
 
@@ -172,16 +234,46 @@ def _errata() -> list[Row]:
     C = dcm_zxy(*CASE)
     wz, wn = OMEGA * math.sin(LAT), OMEGA * math.cos(LAT)
     return [
-        fixed("(2.1) row 3", "g_z/g at the reference attitude", "-cos(theta) cos(gamma), printed sin(gamma)",
-              -math.cos(th) * math.sin(ga), float(g_b[2]) / 9.81),
-        fixed("(2.4) row 3", "w_z/Om at the reference attitude", "+ w_zeta cos(theta) cos(gamma), printed minus",
-              float(w_b[2] - 2.0 * wz * math.cos(th) * math.cos(ga)) / OMEGA, float(w_b[2]) / OMEGA),
-        fixed("(2.6) row 1", "c31 at the reference attitude", "c31 = -cos(theta) sin(gamma)",
-              math.cos(th) * math.sin(ga), float(C[2, 0])),
-        fixed("(2.7)", "c22 at the reference attitude", "no leading minus on the quotients",
-              -(float(w_b[1]) - wz * float(C[2, 1])) / wn, float(C[1, 1])),
-        fixed("(2.11)", "d psi / (d w_x / (Om cos lat)) at psi 30 deg", "+cos(psi) for the psi of (2.4): the printed "
-              "signs are those of a clockwise heading", -math.cos(psi), math.cos(psi)),
-        fixed("(2.12)", "factor of the accelerometer errors", "tan(lat), printed tan(psi); errors in units of g",
-              math.tan(psi), math.tan(LAT)),
-    ]  # fmt: skip
+        fixed(
+            "(2.1) row 3",
+            "g_z/g at the reference attitude",
+            "-cos(theta) cos(gamma), printed sin(gamma)",
+            -math.cos(th) * math.sin(ga),
+            float(g_b[2]) / 9.81,
+        ),
+        fixed(
+            "(2.4) row 3",
+            "w_z/Om at the reference attitude",
+            "+ w_zeta cos(theta) cos(gamma), printed minus",
+            float(w_b[2] - 2.0 * wz * math.cos(th) * math.cos(ga)) / OMEGA,
+            float(w_b[2]) / OMEGA,
+        ),
+        fixed(
+            "(2.6) row 1",
+            "c31 at the reference attitude",
+            "c31 = -cos(theta) sin(gamma)",
+            math.cos(th) * math.sin(ga),
+            float(C[2, 0]),
+        ),
+        fixed(
+            "(2.7)",
+            "c22 at the reference attitude",
+            "no leading minus on the quotients",
+            -(float(w_b[1]) - wz * float(C[2, 1])) / wn,
+            float(C[1, 1]),
+        ),
+        fixed(
+            "(2.11)",
+            "d psi / (d w_x / (Om cos lat)) at psi 30 deg",
+            "+cos(psi) for the psi of (2.4): the printed signs are those of a clockwise heading",
+            -math.cos(psi),
+            math.cos(psi),
+        ),
+        fixed(
+            "(2.12)",
+            "factor of the accelerometer errors",
+            "tan(lat), printed tan(psi); errors in units of g",
+            math.tan(psi),
+            math.tan(LAT),
+        ),
+    ]

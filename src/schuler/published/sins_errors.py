@@ -30,15 +30,21 @@ FOUR_HOURS = {
     45: ("-4712.5", "-3737.8", "6411.8", "1.256", "1.126", "0.937", "3.835"),
 }
 ELEMENTS = {  # row, column from 0: F of the reference case
-    (0, 1): "-8.268048461e-5", (2, 6): "-1.007208200e-4", (3, 1): "9.704326567", (4, 6): "2.099783669e-2",
-    (4, 8): "-5.810943201e-10", (5, 8): "-3.075155941e-6", (7, 6): "4.161546472e-5",
-}  # fmt: skip
+    (0, 1): "-8.268048461e-5",
+    (2, 6): "-1.007208200e-4",
+    (3, 1): "9.704326567",
+    (4, 6): "2.099783669e-2",
+    (4, 8): "-5.810943201e-10",
+    (5, 8): "-3.075155941e-6",
+    (7, 6): "4.161546472e-5",
+}
 
 
 def free_run(
     heading: float, duration: float, accel: Array, gyro: Array, *, rate: float = 10.0, held: bool = True
 ) -> tuple[trajectories.Truth, Array, Array, Array]:
-    """A nonlinear run at 200 m/s on the sphere with constant errors in b: truth, (n, 3) error m (R dlat, R cos dlon, -dh),
+    """A nonlinear run at 200 m/s on the sphere with constant errors in b: truth, (n, 3) error m (R dlat, R cos dlon,
+    -dh),
     (n, 3) velocity error, (n, 3) phi."""
     line = trajectories.rhumb_line(LAT, 30.3 * D, speed=200.0, heading=heading, duration=duration, earth=TEXTBOOK)
     ideal = line.ideal(rate)
@@ -49,8 +55,12 @@ def free_run(
     error = np.column_stack(
         [R * (track.lat - truth.lat), R * np.cos(truth.lat) * (track.lon - truth.lon), truth.height - track.height]
     )
-    found = track.minus(trajectories.Truth(track.time, truth.lat, truth.lon, truth.height, truth.v_n, truth.q_nb,
-                                           truth.w_ib_b, truth.f_b), TEXTBOOK)  # fmt: skip
+    found = track.minus(
+        trajectories.Truth(
+            track.time, truth.lat, truth.lon, truth.height, truth.v_n, truth.q_nb, truth.w_ib_b, truth.f_b
+        ),
+        TEXTBOOK,
+    )
     return truth, error, found.velocity, found.phi
 
 
@@ -69,7 +79,8 @@ def printed_matrix(lat: float, v: Array, f: Array) -> Array:
 def linear_run(
     truth: trajectories.Truth, u: Array, *, printed: bool = False, held: bool = True, every: int = 50
 ) -> Array:
-    """(m, 9) of the linear model along every `every`-th row, corrected or as printed, by RK4 on constant-speed flight."""
+    """(m, 9) of the linear model along every `every`-th row, corrected or as printed, by RK4 on constant-speed
+    flight."""
     rows = slice(None, None, every)
     time, lat, v = truth.time[rows], truth.lat[rows], truth.v_n[rows]
     x = np.zeros((len(time), 9))
@@ -111,11 +122,14 @@ def four_hours(heading: int) -> dict[str, float]:
     accel, gyro = bias()
     truth, error, dv, phi = free_run(heading * D, 14400.0, accel, gyro)
     found = {
-        "north": float(error[-1, 0]), "east": float(error[-1, 1]),
+        "north": float(error[-1, 0]),
+        "east": float(error[-1, 1]),
         "largest": float(np.hypot(error[:, 0], error[:, 1]).max()),
-        "dv_n": float(np.abs(dv[:, 0]).max()), "dv_e": float(np.abs(dv[:, 1]).max()),
-        "tilt": float(np.degrees(np.abs(phi[:, :2]).max()) * 60.0), "yaw": float(np.degrees(phi[-1, 2]) * 60.0),
-    }  # fmt: skip
+        "dv_n": float(np.abs(dv[:, 0]).max()),
+        "dv_e": float(np.abs(dv[:, 1]).max()),
+        "tilt": float(np.degrees(np.abs(phi[:, :2]).max()) * 60.0),
+        "yaw": float(np.degrees(phi[-1, 2]) * 60.0),
+    }
     every = 50
     R, lat = TEXTBOOK.a, truth.lat[::every]
     whole = np.hstack([phi, dv, error])[::every]
@@ -150,44 +164,134 @@ def _examples() -> list[Row]:
     _, error_a, *_ = free_run(0.0, t, accel, zero)
     _, error_g, *_ = free_run(0.0, t, zero, gyro)
     made = [
-        judge(SOURCE, "(2.47) example", "200 m/s for 3 h over R = 6.4e6 m", "rad", "0.3375", 200.0 * t / R, "arithmetic"),
-        judge(SOURCE, "(2.47) example", "1e-4 g after 3 h, without feedback", "rad", "0.01786", open_a / R,
-              "the factor 1/2 of (2.47) was left out; printed beside it: 10^4 g for 10^-4 g"),
-        judge(SOURCE, "(2.47) example", "the same", "deg", "1.023", math.degrees(open_a / R),
-              "0.512 deg, and 0.0017 deg with Schuler's feedback"),
-        judge(SOURCE, "recomputation of (2.47)", "1e-4 g after 3 h, without feedback", "m", "57153.6", open_a,
-              "b t^2/2"),
-        judge(SOURCE, "(2.49) example", "0.005 deg/h after 3 h, without feedback", "rad", "0.007793", open_g / R,
-              "with the printed 2.42e-8 rad/s it is 0.00779", within=2e-6),
+        judge(
+            SOURCE, "(2.47) example", "200 m/s for 3 h over R = 6.4e6 m", "rad", "0.3375", 200.0 * t / R, "arithmetic"
+        ),
+        judge(
+            SOURCE,
+            "(2.47) example",
+            "1e-4 g after 3 h, without feedback",
+            "rad",
+            "0.01786",
+            open_a / R,
+            "the factor 1/2 of (2.47) was left out; printed beside it: 10^4 g for 10^-4 g",
+        ),
+        judge(
+            SOURCE,
+            "(2.47) example",
+            "the same",
+            "deg",
+            "1.023",
+            math.degrees(open_a / R),
+            "0.512 deg, and 0.0017 deg with Schuler's feedback",
+        ),
+        judge(
+            SOURCE, "recomputation of (2.47)", "1e-4 g after 3 h, without feedback", "m", "57153.6", open_a, "b t^2/2"
+        ),
+        judge(
+            SOURCE,
+            "(2.49) example",
+            "0.005 deg/h after 3 h, without feedback",
+            "rad",
+            "0.007793",
+            open_g / R,
+            "with the printed 2.42e-8 rad/s it is 0.00779",
+            within=2e-6,
+        ),
         judge(SOURCE, "(2.49) example", "the same", "deg", "0.45", math.degrees(open_g / R), "arithmetic right"),
-        judge(SOURCE, "recomputation of (2.49)", "0.005 deg/h after 3 h, without feedback", "m", "49875.9", open_g,
-              "g w t^3/6"),
-        judge(SOURCE, "recomputation of (2.47)", "Schuler period, R 6.4e6 m, g 9.8", "s", "5077.58",
-              2.0 * math.pi / rate, "2 pi sqrt(R/g)"),
-        judge(SOURCE, "recomputation of (2.47)", "1e-4 g after 3 h with Schuler's feedback", "m", "193.17",
-              float(by_a[-1]), "(b R/g)(1 - cos w t), not 57 km"),
-        judge(SOURCE, "recomputation of (2.47)", "its largest value", "m", "1280.0", float(by_a.max()), "2 b R/g",
-              within=0.1),
-        judge(SOURCE, "recomputation of (2.49)", "0.005 deg/h after 3 h with Schuler's feedback", "m", "1585.76",
-              float(by_g[-1]), "R w (t - sin(w t)/w), not 50 km"),
-        judge(SOURCE, "recomputation of (2.49)", "the same", "deg", "0.014196", math.degrees(float(by_g[-1]) / R),
-              "the ramp alone is R w t = 1675.5 m"),
-        Row(SOURCE, "(2.47)", "time to which b t^2/2 is at most a tenth too large", "min", None, hold_a, CORRECTED,
-            "Schuler's feedback bends it over"),
-        Row(SOURCE, "(2.49)", "time to which g w t^3/6 is at most a tenth too large", "min", None, hold_g, CORRECTED,
-            "the same"),
-    ]  # fmt: skip
+        judge(
+            SOURCE,
+            "recomputation of (2.49)",
+            "0.005 deg/h after 3 h, without feedback",
+            "m",
+            "49875.9",
+            open_g,
+            "g w t^3/6",
+        ),
+        judge(
+            SOURCE,
+            "recomputation of (2.47)",
+            "Schuler period, R 6.4e6 m, g 9.8",
+            "s",
+            "5077.58",
+            2.0 * math.pi / rate,
+            "2 pi sqrt(R/g)",
+        ),
+        judge(
+            SOURCE,
+            "recomputation of (2.47)",
+            "1e-4 g after 3 h with Schuler's feedback",
+            "m",
+            "193.17",
+            float(by_a[-1]),
+            "(b R/g)(1 - cos w t), not 57 km",
+        ),
+        judge(
+            SOURCE,
+            "recomputation of (2.47)",
+            "its largest value",
+            "m",
+            "1280.0",
+            float(by_a.max()),
+            "2 b R/g",
+            within=0.1,
+        ),
+        judge(
+            SOURCE,
+            "recomputation of (2.49)",
+            "0.005 deg/h after 3 h with Schuler's feedback",
+            "m",
+            "1585.76",
+            float(by_g[-1]),
+            "R w (t - sin(w t)/w), not 50 km",
+        ),
+        judge(
+            SOURCE,
+            "recomputation of (2.49)",
+            "the same",
+            "deg",
+            "0.014196",
+            math.degrees(float(by_g[-1]) / R),
+            "the ramp alone is R w t = 1675.5 m",
+        ),
+        Row(
+            SOURCE,
+            "(2.47)",
+            "time to which b t^2/2 is at most a tenth too large",
+            "min",
+            None,
+            hold_a,
+            CORRECTED,
+            "Schuler's feedback bends it over",
+        ),
+        Row(
+            SOURCE,
+            "(2.49)",
+            "time to which g w t^3/6 is at most a tenth too large",
+            "min",
+            None,
+            hold_g,
+            CORRECTED,
+            "the same",
+        ),
+    ]
     for name, error, printed in (
-        ("1e-4 g north", error_a, ("293.7", "-251.9", "1273")), ("0.005 deg/h east", error_g, ("-1428.6", "-528.8", "1523")),
-    ):  # fmt: skip
+        ("1e-4 g north", error_a, ("293.7", "-251.9", "1273")),
+        ("0.005 deg/h east", error_g, ("-1428.6", "-528.8", "1523")),
+    ):
         peak = float(np.hypot(error[:, 0], error[:, 1]).max())
         for what, p, o in zip(("north", "east", "largest"), printed, (error[-1, 0], error[-1, 1], peak), strict=True):
             made.append(
                 judge(
-                    SOURCE, "recomputation of (2.47), (2.49)", f"{name} alone, flight of 3 h, closed loop: {what}", "m", p,
-                    float(o), "nonlinear run, sphere of 6378137 m, g 9.81",
+                    SOURCE,
+                    "recomputation of (2.47), (2.49)",
+                    f"{name} alone, flight of 3 h, closed loop: {what}",
+                    "m",
+                    p,
+                    float(o),
+                    "nonlinear run, sphere of 6378137 m, g 9.81",
                 )
-            )  # fmt: skip
+            )
     return made
 
 
@@ -196,37 +300,85 @@ def _matrix() -> list[Row]:
     f = np.asarray(dcm_from_euler(0.1, 0.05, 0.7)) @ np.array([0.3, -0.5, -9.7])
     F, P = model.phi_matrix(LAT, 0.0, v, f, TEXTBOOK), printed_matrix(LAT, v, f)
     made = [
-        judge(SOURCE, "recomputation of (2.51)", f"F({i + 1},{j + 1}) of the reference case", "SI", printed,
-              float(F[i, j]), "v (141, 141, -2) m/s, roll, pitch, yaw 0.1, 0.05, 0.7 rad, f_b (0.3, -0.5, -9.7)",
-              within=1e-9 * abs(float(printed)))
+        judge(
+            SOURCE,
+            "recomputation of (2.51)",
+            f"F({i + 1},{j + 1}) of the reference case",
+            "SI",
+            printed,
+            float(F[i, j]),
+            "v (141, 141, -2) m/s, roll, pitch, yaw 0.1, 0.05, 0.7 rad, f_b (0.3, -0.5, -9.7)",
+            within=1e-9 * abs(float(printed)),
+        )
         for (i, j), printed in ELEMENTS.items()
-    ]  # fmt: skip
+    ]
     why = {
-        (1, 8): "+V_N/R^2", (2, 6): "-Om cos(lat) - V_E/(R cos^2), printed sin", (2, 8): "+V_E tan(lat)/R^2",
-        (4, 8): "-V_E (V_N tan(lat) + V_D)/R^2", (5, 8): "-2 g/R added: without it the vertical channel is stable",
-    }  # fmt: skip
+        (1, 8): "+V_N/R^2",
+        (2, 6): "-Om cos(lat) - V_E/(R cos^2), printed sin",
+        (2, 8): "+V_E tan(lat)/R^2",
+        (4, 8): "-V_E (V_N tan(lat) + V_D)/R^2",
+        (5, 8): "-2 g/R added: without it the vertical channel is stable",
+    }
     made += [
-        Row(SOURCE, f"F({i + 1},{j + 1})", "the element in the reference case", "SI", float(P[i, j]), float(F[i, j]),
-            CORRECTED, reason)
+        Row(
+            SOURCE,
+            f"F({i + 1},{j + 1})",
+            "the element in the reference case",
+            "SI",
+            float(P[i, j]),
+            float(F[i, j]),
+            CORRECTED,
+            reason,
+        )
         for (i, j), reason in why.items()
-    ]  # fmt: skip
+    ]
     same = int(np.count_nonzero(np.isclose(F, P, rtol=1e-12, atol=0.0)))
     made += [
-        Row(SOURCE, "(2.51)", "elements of F that are right as printed", "1", 81.0, float(same), CORRECTED,
-            "all 81 compared with differences of the nonlinear equations in the tests"),
-        Row(SOURCE, "x of (2.51)", "meaning of d alpha, d beta, d gamma", "1", None, None, CORRECTED,
-            "rotations about north, east, down, as F11 has them, not errors of pitch, roll, yaw"),
-        Row(SOURCE, "F21", "order of a_x, a_y, a_z", "1", None, None, CORRECTED,
-            "right only with a_x = f_E, a_y = f_N, a_z = f_D; V_h must be the velocity down"),
-    ]  # fmt: skip
+        Row(
+            SOURCE,
+            "(2.51)",
+            "elements of F that are right as printed",
+            "1",
+            81.0,
+            float(same),
+            CORRECTED,
+            "all 81 compared with differences of the nonlinear equations in the tests",
+        ),
+        Row(
+            SOURCE,
+            "x of (2.51)",
+            "meaning of d alpha, d beta, d gamma",
+            "1",
+            None,
+            None,
+            CORRECTED,
+            "rotations about north, east, down, as F11 has them, not errors of pitch, roll, yaw",
+        ),
+        Row(
+            SOURCE,
+            "F21",
+            "order of a_x, a_y, a_z",
+            "1",
+            None,
+            None,
+            CORRECTED,
+            "right only with a_x = f_E, a_y = f_N, a_z = f_D; V_h must be the velocity down",
+        ),
+    ]
     return made
 
 
 def _runs() -> list[Row]:
     made = []
-    names = ("error north at the end, m", "error east at the end, m", "largest horizontal error, m",
-             "largest velocity error north, m/s", "largest velocity error east, m/s", "largest tilt, arcmin",
-             "phi_D (minus the heading error) at the end, arcmin")  # fmt: skip
+    names = (
+        "error north at the end, m",
+        "error east at the end, m",
+        "largest horizontal error, m",
+        "largest velocity error north, m/s",
+        "largest velocity error east, m/s",
+        "largest tilt, arcmin",
+        "phi_D (minus the heading error) at the end, arcmin",
+    )
     keys = ("north", "east", "largest", "dv_n", "dv_e", "tilt", "yaw")
     limits = {0: ("0.3", "12.6"), 90: ("0.2", "4.5"), 45: ("0.2", "18.1")}
     for heading, printed in FOUR_HOURS.items():
@@ -234,21 +386,52 @@ def _runs() -> list[Row]:
         for name, key, p in zip(names, keys, printed, strict=True):
             what, unit = name.rsplit(", ", 1)
             made.append(
-                judge(SOURCE, "recomputation of figure 2.18", f"{what}, heading {heading} deg", unit, p, found[key],
-                      "4 h at 200 m/s, 1e-4 g and 0.01 deg/h on all axes, ideal height",
-                      within=max(1.5e-3 * abs(float(p)), 0.06 if unit == "m" else 1e-3))
-            )  # fmt: skip
+                judge(
+                    SOURCE,
+                    "recomputation of figure 2.18",
+                    f"{what}, heading {heading} deg",
+                    unit,
+                    p,
+                    found[key],
+                    "4 h at 200 m/s, 1e-4 g and 0.01 deg/h on all axes, ideal height",
+                    within=max(1.5e-3 * abs(float(p)), 0.06 if unit == "m" else 1e-3),
+                )
+            )
         good, bad = limits[heading]
         made += [
-            judge(SOURCE, "recomputation of figure 2.18", f"worst deviation of the corrected F, heading {heading} deg",
-                  "%", good, 100.0 * found["linear"], "in shares of the largest error", within=0.1),
-            judge(SOURCE, "recomputation of figure 2.18", f"yaw deviation of the printed F, heading {heading} deg", "%",
-                  bad, 100.0 * found["printed_yaw"], "the five wrong elements", within=0.5),
-        ]  # fmt: skip
+            judge(
+                SOURCE,
+                "recomputation of figure 2.18",
+                f"worst deviation of the corrected F, heading {heading} deg",
+                "%",
+                good,
+                100.0 * found["linear"],
+                "in shares of the largest error",
+                within=0.1,
+            ),
+            judge(
+                SOURCE,
+                "recomputation of figure 2.18",
+                f"yaw deviation of the printed F, heading {heading} deg",
+                "%",
+                bad,
+                100.0 * found["printed_yaw"],
+                "the five wrong elements",
+                within=0.5,
+            ),
+        ]
     made.append(
-        Row(SOURCE, "figure 2.18", "the curves", "1", None, None, NOT_REPRODUCIBLE,
-            "neither a heading nor a number is given; three headings are run here")
-    )  # fmt: skip
+        Row(
+            SOURCE,
+            "figure 2.18",
+            "the curves",
+            "1",
+            None,
+            None,
+            NOT_REPRODUCIBLE,
+            "neither a heading nor a number is given; three headings are run here",
+        )
+    )
     return made
 
 
@@ -258,21 +441,52 @@ def _vertical() -> list[Row]:
     x = linear_run(truth, np.concatenate([accel, gyro]), printed=True, held=False, every=10)
     at = {600: -error[5999, 2], 1800: -error[-1, 2]}
     made = [
-        judge(SOURCE, "recomputation of figure 2.18", f"height error of the free vertical channel at {t} s", "m", p,
-              float(at[t]), "unstable, e-fold in 570 s", within=0.01 if t == 600 else 0.06)
+        judge(
+            SOURCE,
+            "recomputation of figure 2.18",
+            f"height error of the free vertical channel at {t} s",
+            "m",
+            p,
+            float(at[t]),
+            "unstable, e-fold in 570 s",
+            within=0.01 if t == 600 else 0.06,
+        )
         for t, p in ((600, "-187.67"), (1800, "-3222.8"))
-    ]  # fmt: skip
+    ]
     made += [
-        judge(SOURCE, "recomputation of figure 2.18", f"the same by the printed F at {t} s", "m", p, float(x[k, 8]),
-              "no gravity gradient in F(6,9)", within=2e-3 * abs(float(p)))
+        judge(
+            SOURCE,
+            "recomputation of figure 2.18",
+            f"the same by the printed F at {t} s",
+            "m",
+            p,
+            float(x[k, 8]),
+            "no gravity gradient in F(6,9)",
+            within=2e-3 * abs(float(p)),
+        )
         for t, k, p in ((600, 600, "-171.1"), (1800, len(x) - 1, "-1466.8"))
-    ]  # fmt: skip
+    ]
     made.append(
-        judge(SOURCE, "recomputation of figure 2.18", "e-folding time of the vertical channel", "s", "570",
-              math.sqrt(TEXTBOOK.a / (2.0 * G)), "sqrt(R/2g): a 4 h run without height aiding says nothing")
-    )  # fmt: skip
+        judge(
+            SOURCE,
+            "recomputation of figure 2.18",
+            "e-folding time of the vertical channel",
+            "s",
+            "570",
+            math.sqrt(TEXTBOOK.a / (2.0 * G)),
+            "sqrt(R/2g): a 4 h run without height aiding says nothing",
+        )
+    )
     made.append(
-        Row(SOURCE, "(2.52), figure 2.18", "height in the 4 h run", "1", None, None, REPRODUCED,
-            "only with an ideal height, which the thesis does not mention")
-    )  # fmt: skip
+        Row(
+            SOURCE,
+            "(2.52), figure 2.18",
+            "height in the 4 h run",
+            "1",
+            None,
+            None,
+            REPRODUCED,
+            "only with an ideal height, which the thesis does not mention",
+        )
+    )
     return made

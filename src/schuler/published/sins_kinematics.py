@@ -50,35 +50,60 @@ def rows() -> list[Row]:
             ours = study.psi_drift(form, order, steps, periods=20)  # type: ignore[arg-type]
             made.append(
                 judge(
-                    SOURCE, "recomputation of figures 2.10, 2.11", f"psi drift, {form}, RK{order}, {steps} steps a period",
-                    "rad/s", printed, ours, "motion (2.23): psi 0, theta 0.2 sin t, gamma 0.2 cos t",
+                    SOURCE,
+                    "recomputation of figures 2.10, 2.11",
+                    f"psi drift, {form}, RK{order}, {steps} steps a period",
+                    "rad/s",
+                    printed,
+                    ours,
+                    "motion (2.23): psi 0, theta 0.2 sin t, gamma 0.2 cos t",
                     within=2e-3 * abs(float(printed)),
                 )
-            )  # fmt: skip
-    for order, (printed, within) in enumerate((("-0.24999", 2e-5), ("0.08331", 1e-4), ("-0.0208", 1e-4),
-                                               ("-0.00104", 1e-5)), 1):  # fmt: skip
+            )
+    for order, (printed, within) in enumerate(
+        (("-0.24999", 2e-5), ("0.08331", 1e-4), ("-0.0208", 1e-4), ("-0.00104", 1e-5)), 1
+    ):
         made.append(
             judge(
-                SOURCE, "recomputation of (2.50)", f"constant k_{order} of the drift law", "1", printed, constant(order),
-                f"k = {('-1/4', '1/12', '-1/48', '-1/960')[order - 1]}; (2.50) has no constant and a factor psi_m that is 0 "
-                "in its own motion", within=within,
+                SOURCE,
+                "recomputation of (2.50)",
+                f"constant k_{order} of the drift law",
+                "1",
+                printed,
+                constant(order),
+                f"k = {('-1/4', '1/12', '-1/48', '-1/960')[order - 1]}; (2.50) has no constant and a factor psi_m "
+                f"that is 0 "
+                "in its own motion",
+                within=within,
             )
-        )  # fmt: skip
+        )
     for order, printed in ((1, "2"), (2, "2"), (3, "4"), (4, "4")):
         made.append(
             judge(
-                SOURCE, "recomputation of figure 2.15", f"power of h, RK{order}, phase 90 deg", "1", printed, slope(order),
-                "odd methods have no h^N term at that phase", within=0.02,
+                SOURCE,
+                "recomputation of figure 2.15",
+                f"power of h, RK{order}, phase 90 deg",
+                "1",
+                printed,
+                slope(order),
+                "odd methods have no h^N term at that phase",
+                within=0.02,
             )
-        )  # fmt: skip
+        )
     law = study.Law(phase=(0.0, 0.0, 0.5 * math.pi))
     drift = study.psi_drift("euler", 2, 126, law=law)
     made.append(
         Row(
-            SOURCE, "(2.50)", "psi drift by the law as printed for its own motion (psi_m = 0), RK2, 126 steps", "rad/s",
-            0.0, drift, CORRECTED, "the factor psi_m must go: the motion has none and drifts all the same",
+            SOURCE,
+            "(2.50)",
+            "psi drift by the law as printed for its own motion (psi_m = 0), RK2, 126 steps",
+            "rad/s",
+            0.0,
+            drift,
+            CORRECTED,
+            "the factor psi_m must go: the motion has none and drifts all the same",
         )
-    )  # fmt: skip
+    )
     return [*made, *_orthogonality(), *_errata()]
 
 
@@ -89,20 +114,56 @@ def _orthogonality() -> list[Row]:
     dense = study.integrate("poisson", 1, 0.05, 600.0, law=LISTING)
     why = "RK1 on the direction cosines destroys orthogonality: renormalise, or use a quaternion"
     made = [
-        judge(SOURCE, "recomputation of listing A.1", "det C after 600 s, RK1, h = 0.05", "1", "2.1169",
-              float(np.linalg.det(coarse.C[-1])), why),
-        judge(SOURCE, "recomputation of listing A.1", "det C after 600 s, RK1, h = 0.005", "1", "1.0779",
-              float(np.linalg.det(fine.C[-1])), why),
-        judge(SOURCE, "recomputation of listing A.1", "det C - 1 after 600 s, RK4, h = 0.05", "1", "6e-9",
-              float(np.linalg.det(fourth.C[-1])) - 1.0, "the fourth order keeps it"),
-        judge(SOURCE, "recomputation of listing A.1", "largest roll error, RK1, h = 0.05", "deg", "0.55",
-              math.degrees(float(np.abs(dense.error[:, 2]).max())), why, within=0.03),
-    ]  # fmt: skip
+        judge(
+            SOURCE,
+            "recomputation of listing A.1",
+            "det C after 600 s, RK1, h = 0.05",
+            "1",
+            "2.1169",
+            float(np.linalg.det(coarse.C[-1])),
+            why,
+        ),
+        judge(
+            SOURCE,
+            "recomputation of listing A.1",
+            "det C after 600 s, RK1, h = 0.005",
+            "1",
+            "1.0779",
+            float(np.linalg.det(fine.C[-1])),
+            why,
+        ),
+        judge(
+            SOURCE,
+            "recomputation of listing A.1",
+            "det C - 1 after 600 s, RK4, h = 0.05",
+            "1",
+            "6e-9",
+            float(np.linalg.det(fourth.C[-1])) - 1.0,
+            "the fourth order keeps it",
+        ),
+        judge(
+            SOURCE,
+            "recomputation of listing A.1",
+            "largest roll error, RK1, h = 0.05",
+            "deg",
+            "0.55",
+            math.degrees(float(np.abs(dense.error[:, 2]).max())),
+            why,
+            within=0.03,
+        ),
+    ]
     for i, printed in enumerate(("1.350", "1.080", "1.452")):
         made.append(
-            judge(SOURCE, "recomputation of listing A.1", f"length of row {i + 1} of C after 600 s, RK1", "1", printed,
-                  float(np.linalg.norm(coarse.C[-1, i])), why)
-        )  # fmt: skip
+            judge(
+                SOURCE,
+                "recomputation of listing A.1",
+                f"length of row {i + 1} of C after 600 s, RK1",
+                "1",
+                printed,
+                float(np.linalg.norm(coarse.C[-1, i])),
+                why,
+            )
+        )
     return made
 
 
@@ -125,15 +186,46 @@ def _errata() -> list[Row]:
         return Row(SOURCE, where, what, "1", was, ours, CORRECTED, reason)
 
     return [
-        judge(SOURCE, "(2.22)", "theta rate at a random attitude, rad/s", "rad/s", f"{a1[1]:.9f}", by_224,
-              "correct as printed: equals the finite difference", within=1e-8),
-        judge(SOURCE, "(2.22)", "psi rate at a random attitude, rad/s", "rad/s", f"{a1[0]:.9f}", heading,
-              "correct as printed", within=1e-8),
+        judge(
+            SOURCE,
+            "(2.22)",
+            "theta rate at a random attitude, rad/s",
+            "rad/s",
+            f"{a1[1]:.9f}",
+            by_224,
+            "correct as printed: equals the finite difference",
+            within=1e-8,
+        ),
+        judge(
+            SOURCE,
+            "(2.22)",
+            "psi rate at a random attitude, rad/s",
+            "rad/s",
+            f"{a1[0]:.9f}",
+            heading,
+            "correct as printed",
+            within=1e-8,
+        ),
         fixed("(2.19) row 2", "theta rate there", "w_x cos(gamma) + w_z sin(gamma)", float(printed), float(a1[1])),
-        fixed("(2.27)", "largest symmetric part of the product", "C^T dC/dt is antisymmetric, the printed C dC/dt is not",
-              float(np.abs(other + other.T).max()), symmetric),
-        fixed("(2.28), (2.32)", "largest residual of dC/dt = C [w x]", "no transpose on C",
-              float(np.abs(dC - C.T @ W).max()), float(np.abs(dC - C @ W).max())),
-        fixed("matrix after (2.32)", "sum of elements (2,3) and (3,2)", "element (2,3) is -w_x, printed -w_y",
-              float(w[0] - w[1]), 0.0),
-    ]  # fmt: skip
+        fixed(
+            "(2.27)",
+            "largest symmetric part of the product",
+            "C^T dC/dt is antisymmetric, the printed C dC/dt is not",
+            float(np.abs(other + other.T).max()),
+            symmetric,
+        ),
+        fixed(
+            "(2.28), (2.32)",
+            "largest residual of dC/dt = C [w x]",
+            "no transpose on C",
+            float(np.abs(dC - C.T @ W).max()),
+            float(np.abs(dC - C @ W).max()),
+        ),
+        fixed(
+            "matrix after (2.32)",
+            "sum of elements (2,3) and (3,2)",
+            "element (2,3) is -w_x, printed -w_y",
+            float(w[0] - w[1]),
+            0.0,
+        ),
+    ]

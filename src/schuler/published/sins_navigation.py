@@ -29,8 +29,10 @@ ENDS = {
     (30, "WGS-84"): ("51.14420625", "31.14888859"),
 }
 EARTHS: dict[str, Ellipsoid] = {
-    "R = 6378137 m": sphere(6378137.0), "R = 6478137 m, as printed": sphere(PRINTED_RADIUS), "WGS-84": WGS84,
-}  # fmt: skip
+    "R = 6378137 m": sphere(6378137.0),
+    "R = 6478137 m, as printed": sphere(PRINTED_RADIUS),
+    "WGS-84": WGS84,
+}
 
 
 def end_of(heading_deg: float, earth: Ellipsoid) -> tuple[float, float]:
@@ -74,7 +76,8 @@ def navigator(heading_deg: float, *, h: float = 0.005, remove_rates: bool = True
 
 
 def equations_residual() -> tuple[float, float]:
-    """Largest difference, m/s^2, of W by (2.43) from the second difference of an inertial position: put right, printed."""
+    """Largest difference, m/s^2, of W by (2.43) from the second difference of an inertial position: put right,
+    printed."""
     radius, h = 6378137.0, 0.5
     v_e, v_n, v_u = 120.0, 90.0, 50.0
     v1 = np.array([0.3, -0.2, 0.4])  # their derivatives
@@ -110,46 +113,99 @@ def rows() -> list[Row]:
         for what, p, o in zip(("latitude", "longitude"), printed, ours, strict=True):
             made.append(
                 judge(
-                    SOURCE, "recomputation of figures 2.12, 2.13", f"{what} after 600 s, heading {heading} deg, {name}",
-                    "deg", p, o, "exact rhumb line at 200 m/s",
+                    SOURCE,
+                    "recomputation of figures 2.12, 2.13",
+                    f"{what} after 600 s, heading {heading} deg, {name}",
+                    "deg",
+                    p,
+                    o,
+                    "exact rhumb line at 200 m/s",
                 )
-            )  # fmt: skip
+            )
     exact = np.radians(end_of(0, EARTHS["R = 6378137 m"]))
     far = np.radians(end_of(0, EARTHS["R = 6478137 m, as printed"]))
     made.append(
         Row(
-            SOURCE, "(2.41)", "Earth's radius", "km", 6478.137, 6378.137, CORRECTED,
-            f"100 km too large: {abs(float(exact[0] - far[0])) * 6378.137:.2f} km in 600 s; u is 7.292115e-5, not 7.27e-5",
+            SOURCE,
+            "(2.41)",
+            "Earth's radius",
+            "km",
+            6478.137,
+            6378.137,
+            CORRECTED,
+            f"100 km too large: {abs(float(exact[0] - far[0])) * 6378.137:.2f} km in 600 s; u is 7.292115e-5, not "
+            f"7.27e-5",
         )
-    )  # fmt: skip
+    )
     made += _runs()
     first = rate_terms(0.0, SPEED, 0.0, START[0], 6378137.0)
     for axis, p, o in zip("ENU", ("-0.0224129056", "0.0166781908", "-0.0201622377"), first, strict=True):
         made.append(
             judge(
-                SOURCE, "recomputation of (2.43)", f"W_{axis} needed at the start of experiment 1", "m/s^2", p, float(o),
+                SOURCE,
+                "recomputation of (2.43)",
+                f"W_{axis} needed at the start of experiment 1",
+                "m/s^2",
+                p,
+                float(o),
                 "inertial acceleration of a constant velocity over ground",
             )
-        )  # fmt: skip
+        )
     right, printed_residual = equations_residual()
     made.append(
         Row(
-            SOURCE, "(2.43) row 1", "difference from an inertial second difference at 50 m/s of climb", "m/s^2",
-            printed_residual, right, CORRECTED, "(2 u cos + V_E/R) V_zeta: the printed row has a single u cos",
+            SOURCE,
+            "(2.43) row 1",
+            "difference from an inertial second difference at 50 m/s of climb",
+            "m/s^2",
+            printed_residual,
+            right,
+            CORRECTED,
+            "(2 u cos + V_E/R) V_zeta: the printed row has a single u cos",
         )
-    )  # fmt: skip
+    )
     lat = 50.27 * D
     gravity = 1.0 + 0.0053024 * math.sin(lat) ** 2 - 5.8e-6 * math.sin(2.0 * lat) ** 2
     made += [
-        judge(SOURCE, "recomputation of listing A.1", "gravity at 50.27 deg with gamma_e = 9.78", "m/s^2", "9.810616844",
-              9.78 * gravity, "the listing rounds the equator's 9.780327"),
-        judge(SOURCE, "recomputation of listing A.1", "the same with gamma_e = 9.780327", "m/s^2", "9.810944868",
-              9.780327 * gravity, "the coefficients of 1967 with the equator's gravity of 1980"),
-        Row(SOURCE, "(2.45)", "signs of c22, c31, c32", "1", None, None, CORRECTED,
-            "+ cos(theta) cos(psi), - sin(gamma) cos(theta), + sin(theta): the direction cosines of the same chapter"),
-        Row(SOURCE, "(2.42), (2.43) rows 2-3", "residual against the inertial second difference", "m/s^2", None, right,
-            REPRODUCED, "correct as printed"),
-    ]  # fmt: skip
+        judge(
+            SOURCE,
+            "recomputation of listing A.1",
+            "gravity at 50.27 deg with gamma_e = 9.78",
+            "m/s^2",
+            "9.810616844",
+            9.78 * gravity,
+            "the listing rounds the equator's 9.780327",
+        ),
+        judge(
+            SOURCE,
+            "recomputation of listing A.1",
+            "the same with gamma_e = 9.780327",
+            "m/s^2",
+            "9.810944868",
+            9.780327 * gravity,
+            "the coefficients of 1967 with the equator's gravity of 1980",
+        ),
+        Row(
+            SOURCE,
+            "(2.45)",
+            "signs of c22, c31, c32",
+            "1",
+            None,
+            None,
+            CORRECTED,
+            "+ cos(theta) cos(psi), - sin(gamma) cos(theta), + sin(theta): the direction cosines of the same chapter",
+        ),
+        Row(
+            SOURCE,
+            "(2.42), (2.43) rows 2-3",
+            "residual against the inertial second difference",
+            "m/s^2",
+            None,
+            right,
+            REPRODUCED,
+            "correct as printed",
+        ),
+    ]
     return made
 
 
@@ -162,29 +218,44 @@ def _runs() -> list[Row]:
         miss = math.hypot((good[0] - lat) * radius, (good[1] - lon) * radius * math.cos(lat))
         made.append(
             Row(
-                SOURCE, "ideal navigator, RK1, h = 0.005", f"distance from the exact end, heading {heading} deg", "m",
-                None, miss, REPRODUCED, "a few millimetres: Runge-Kutta 1 is good enough here",
+                SOURCE,
+                "ideal navigator, RK1, h = 0.005",
+                f"distance from the exact end, heading {heading} deg",
+                "m",
+                None,
+                miss,
+                REPRODUCED,
+                "a few millimetres: Runge-Kutta 1 is good enough here",
             )
-        )  # fmt: skip
+        )
         v_e, v_n = SPEED * math.sin(heading * D), SPEED * math.cos(heading * D)
         raw = rate_terms(v_e, v_n, 0.0, START[0], radius) * 0.5 * DURATION**2
         for what, p, o in (("east", east, raw[0]), ("north", north, raw[1])):
             made.append(
                 judge(
-                    SOURCE, "recomputation of (2.46)", f"error {what} after 600 s when W of the start is integrated as it "
-                    f"is, heading {heading} deg", "m", p, float(o),
+                    SOURCE,
+                    "recomputation of (2.46)",
+                    f"error {what} after 600 s when W of the start is integrated as it is, heading {heading} deg",
+                    "m",
+                    p,
+                    float(o),
                     "(2.46) must take the rate terms of (2.43) off first",
                 )
-            )  # fmt: skip
+            )
     frozen, lon = navigator(30, freeze=True), math.radians(end_of(30, EARTHS["R = 6378137 m"])[1])
     lat = frozen[0]
     made.append(
         judge(
-            SOURCE, "recomputation of listing A.1", "longitude error of experiment 2 with cos(lat) frozen", "m", "-585.6",
-            float((frozen[1] - lon) * radius * math.cos(lat)), "the listing divides by the cosine of the start",
+            SOURCE,
+            "recomputation of listing A.1",
+            "longitude error of experiment 2 with cos(lat) frozen",
+            "m",
+            "-585.6",
+            float((frozen[1] - lon) * radius * math.cos(lat)),
+            "the listing divides by the cosine of the start",
             within=2.0,
         )
-    )  # fmt: skip
+    )
     return made
 
 
@@ -248,25 +319,84 @@ def listing_rows() -> list[Row]:
         return Row(SOURCE, "listing A.1", what, unit, was, ours, CORRECTED, reason)
 
     return [
-        judge(SOURCE, "recomputation of listing A.1", "latitude noise after 600 s, 1 sigma", "km", "69.9", walk / 1e3,
-              "1e-4 rad of noise is added to the latitude in each of 12000 steps: it is integrated"),
-        judge(SOURCE, "recomputation of listing A.1", "0.01 g without feedback after 600 s", "km", "17.66",
-              open_loop / 1e3, "0.1 % of a 10 g span is 0.01 g, a hundred times the text's 1e-4 g"),
+        judge(
+            SOURCE,
+            "recomputation of listing A.1",
+            "latitude noise after 600 s, 1 sigma",
+            "km",
+            "69.9",
+            walk / 1e3,
+            "1e-4 rad of noise is added to the latitude in each of 12000 steps: it is integrated",
+        ),
+        judge(
+            SOURCE,
+            "recomputation of listing A.1",
+            "0.01 g without feedback after 600 s",
+            "km",
+            "17.66",
+            open_loop / 1e3,
+            "0.1 % of a 10 g span is 0.01 g, a hundred times the text's 1e-4 g",
+        ),
         defect("gyro drift of 0.005 deg/s in the text's unit", "deg/h", 0.005, gyro, "the listing's 0.005 is deg/s"),
-        defect("ideal run: north error after 600 s", "m", None, float((ideal["lat"] - true_lat) * radius),
-               "the ideal run has no acceleration at all and no rate terms: a straight line in latitude"),
-        defect("ideal run: east error after 600 s from the frozen cosine", "m", None,
-               float((ideal["lon"] - clean["lon"]) * radius * math.cos(clean["lat"])),
-               "cos(lat) of the start divides the longitude rate to the end"),
-        defect("ideal run: det C after 600 s", "1", None, float(np.linalg.det(ideal["C"])),
-               "Poisson's equation by RK1 without renormalisation"),
-        defect("real run without its noise: distance from the ideal end", "km", None,
-               math.hypot(quiet["lat"] - ideal["lat"], (quiet["lon"] - ideal["lon"]) * math.cos(ideal["lat"])) * radius
-               / 1e3, "the bias is carried by a C that no longer is a rotation, and no gravity reacts to the tilt"),
-        Row(SOURCE, "listing A.1", "gravity on the body axes", "m/s^2", 0.0, g, CORRECTED,
-            "commented out: W has no gravity, so the accelerometers of the listing feel none and nothing can be levelled"),
-        Row(SOURCE, "listing A.1", "acceleration into body axes", "1", None, None, CORRECTED,
-            "rows and columns of C are mixed: both directions use C and not once its transpose"),
-        Row(SOURCE, "listing A.1", "noise of the position", "1", None, None, CORRECTED,
-            "randn(1, length(tI)) is one number, since tI is one number; the start is moved by up to 1e-4 rad (638 m)"),
-    ]  # fmt: skip
+        defect(
+            "ideal run: north error after 600 s",
+            "m",
+            None,
+            float((ideal["lat"] - true_lat) * radius),
+            "the ideal run has no acceleration at all and no rate terms: a straight line in latitude",
+        ),
+        defect(
+            "ideal run: east error after 600 s from the frozen cosine",
+            "m",
+            None,
+            float((ideal["lon"] - clean["lon"]) * radius * math.cos(clean["lat"])),
+            "cos(lat) of the start divides the longitude rate to the end",
+        ),
+        defect(
+            "ideal run: det C after 600 s",
+            "1",
+            None,
+            float(np.linalg.det(ideal["C"])),
+            "Poisson's equation by RK1 without renormalisation",
+        ),
+        defect(
+            "real run without its noise: distance from the ideal end",
+            "km",
+            None,
+            math.hypot(quiet["lat"] - ideal["lat"], (quiet["lon"] - ideal["lon"]) * math.cos(ideal["lat"]))
+            * radius
+            / 1e3,
+            "the bias is carried by a C that no longer is a rotation, and no gravity reacts to the tilt",
+        ),
+        Row(
+            SOURCE,
+            "listing A.1",
+            "gravity on the body axes",
+            "m/s^2",
+            0.0,
+            g,
+            CORRECTED,
+            "commented out: W has no gravity, so the accelerometers of the listing feel none and nothing can be "
+            "levelled",
+        ),
+        Row(
+            SOURCE,
+            "listing A.1",
+            "acceleration into body axes",
+            "1",
+            None,
+            None,
+            CORRECTED,
+            "rows and columns of C are mixed: both directions use C and not once its transpose",
+        ),
+        Row(
+            SOURCE,
+            "listing A.1",
+            "noise of the position",
+            "1",
+            None,
+            None,
+            CORRECTED,
+            "randn(1, length(tI)) is one number, since tI is one number; the start is moved by up to 1e-4 rad (638 m)",
+        ),
+    ]

@@ -1,4 +1,5 @@
-"""`schuler align`: the initial attitude of a study's recording (or of its simulated trajectory), with its covariance."""
+"""`schuler align`: the initial attitude of a study's recording (or of its simulated trajectory), with its
+covariance."""
 
 from __future__ import annotations
 

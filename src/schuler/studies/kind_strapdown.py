@@ -96,11 +96,11 @@ def trajectory_of(study: Study) -> Trajectory:
     earth = WGS84 if t.earth == "wgs84" else shapes.TEXTBOOK
     place = (s.lat_deg * D, (s.lon_deg or 0.0) * D, s.height_m or 0.0)
     heading = (s.heading_deg or 0.0) * D
-    angles = {"roll": (s.roll_deg or 0.0) * D, "pitch": (s.pitch_deg or 0.0) * D}
+    angles: dict[str, Any] = {"roll": (s.roll_deg or 0.0) * D, "pitch": (s.pitch_deg or 0.0) * D}
     common: dict[str, Any] = {"duration": t.duration_s, "earth": earth}
     moving = {"speed": t.speed_mps, "heading": heading, **common}
     if t.preset == "rest":
-        made = shapes.rest(*place, heading=heading, **angles, **common)
+        made = shapes.rest(*place, heading=heading, roll=angles["roll"], pitch=angles["pitch"], **common)
     elif t.preset == "legs":
         made = shapes.legs(
             *place, turns=[x * D for x in t.turns_deg], climbs=t.climbs_m, turn_rate=t.turn_rate_deg_per_s * D,
@@ -146,7 +146,7 @@ def stride_of(study: Study, rate: float) -> int:
     wanted = study.output.rate_hz
     if wanted == "imu":
         return 1
-    return max(1, round(rate / min(float(wanted), rate)))
+    return max(1, round(rate / min(float(wanted or 10.0), rate)))
 
 
 def simulate(study: Study, model: ImuModel, seed: int, progress: Progress, made: Trajectory | None = None) -> Run:
@@ -333,7 +333,8 @@ def start_of(study: Study, tables: dict[str, Table], reference: Table | None) ->
         notes.append(f"what [start] does not give of position and velocity is the fix at {gnss.time[row]:.2f} s")
     if place[0] is None or place[1] is None:
         raise InputError(
-            "the start position is not known: type [start] lat_deg, lon_deg and height_m, or name a gnss table in [input]"
+            "the start position is not known: type [start] lat_deg, lon_deg and height_m, or name a gnss table in "
+            "[input]"
         )
     rpy = [None if x is None else x * D for x in (s.roll_deg, s.pitch_deg, s.heading_deg)]
     if any(x is None for x in rpy):

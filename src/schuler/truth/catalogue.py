@@ -1,6 +1,7 @@
 """The thesis's catalogue of sensors, tables 2.1 to 2.4, with the captions put right.
 
-Source: master thesis on the accuracy of strapdown INS (2022, in Ukrainian), pages after (2.13); figures only. Tables 2.2 to
+Source: master thesis on the accuracy of strapdown INS (2022, in Ukrainian), pages after (2.13); figures only. Tables
+2.2 to
 2.4 are captioned accelerometers there and list gyros. None: not printed. Names are transliterated.
 """
 
@@ -13,7 +14,8 @@ from schuler.truth.instruments import ImuModel
 
 @dataclass(frozen=True)
 class Accelerometer:
-    """One of table 2.1. scale: not repeatable part, ratio; bias_g: not repeatable part, g; axis_arcsec: change of the base
+    """One of table 2.1. scale: not repeatable part, ratio; bias_g: not repeatable part, g; axis_arcsec: change of the
+    base
     plane; range_g; usd: price."""
 
     name: str
@@ -26,7 +28,8 @@ class Accelerometer:
 
 @dataclass(frozen=True)
 class Gyro:
-    """One of tables 2.2 (fibre-optic), 2.3 (dynamically tuned), 2.4 (laser). systematic: run to run, random: in run, deg/h
+    """One of tables 2.2 (fibre-optic), 2.3 (dynamically tuned), 2.4 (laser). systematic: run to run, random: in run,
+    deg/h
     (of a range such as 0.01/0.2 the larger is kept); g_deg_per_h: per g; scale_ratio: instability; mass_g."""
 
     name: str
@@ -97,7 +100,8 @@ def imu_of(gyro: str, accelerometer: str) -> ImuModel:
 
 # Grades, with where the figures come from; biases and scale 1 sigma.
 GRADES: dict[str, ImuModel] = {
-    # Bosch BMI160 data sheet BST-BMI160-DS000 (2020): 0.007 deg/s/sqrt(Hz), 180 ug/sqrt(Hz), zero offset 3 deg/s and 40 mg
+    # Bosch BMI160 data sheet BST-BMI160-DS000 (2020): 0.007 deg/s/sqrt(Hz), 180 ug/sqrt(Hz), zero offset 3 deg/s and
+    # 40 mg
     # before calibration (left out here), range 2000 deg/s and 16 g; in-run figures assumed.
     "consumer": ImuModel(
         name="consumer", gyro_arw_deg_per_sqrt_h=0.42, gyro_bias_deg_per_h=1800.0, gyro_instability_deg_per_h=20.0,

@@ -57,7 +57,8 @@ def measure(
 ) -> Measured:
     """The ideal increments as `model` measures them.
 
-    jitter_s : 1 sigma of a white error of the stamps (the intervals themselves stay exact). gyro_scale, accel_scale (3,):
+    jitter_s : 1 sigma of a white error of the stamps (the intervals themselves stay exact). gyro_scale, accel_scale
+    (3,):
     fixed scale errors added to the drawn ones. The size effect takes the angular rate at the ends of the intervals from
     the increments themselves (cubic), good for motion well below the sample rate.
     """

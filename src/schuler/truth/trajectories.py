@@ -213,7 +213,7 @@ def gauss(m: int) -> tuple[Array, Array, Array]:
     c, b = 0.5 * (x + 1.0), 0.5 * w
     powers = np.vander(x, m, increasing=True)
     integrals = (np.vander(x, m + 1, increasing=True)[:, 1:] - (-1.0) ** np.arange(1, m + 1)) / np.arange(1, m + 1)
-    return c, b, 0.5 * np.linalg.solve(powers.T, integrals.T).T
+    return c, b, np.asarray(0.5 * np.linalg.solve(powers.T, integrals.T).T, dtype=np.float64)
 
 
 # Building blocks
@@ -463,7 +463,7 @@ def track(
             raise InputError(f"rpy has shape {given.shape}, expected {(t.size, 3)}: roll, pitch, heading in rad")
         angles = np.unwrap(given, axis=0)
     splines += [make_interp_spline(u, angles[:, i], k=5) for i in range(3)]
-    pieces = [PPoly.from_spline(s) for s in splines]
+    pieces = [PPoly.from_spline(s) for s in splines]  # type: ignore[arg-type]
     x = pieces[0].x
     keep = np.flatnonzero(np.diff(x) > 0.0)
     coefs = np.zeros((keep.size, 6, 9))

@@ -255,8 +255,10 @@ def _solution(ox: Array, pos: Array, vel: Array, att: Array) -> Solution:
     C_nb = dcm_from_quat(ox[:, 0:4])
     roll, pitch, heading = euler_from_dcm(C_nb)
     forward = C_nb[:, :, 0] * ox[:, U : U + 1]
-    v_n = forward + np.column_stack([ox[:, CN] + ox[:, W], ox[:, CN + 1] + ox[:, W + 2], np.zeros(len(ox))])
-    v_n[:, 2] = forward[:, 2] * (1.0 + ox[:, KP])
+    v_n = forward * np.exp(ox[:, KP : KP + 1])
+    v_n[:, 0] += ox[:, CN] + ox[:, W]
+    v_n[:, 1] += ox[:, CN + 1] + ox[:, W + 2]
+    v_n[:, 2] = forward[:, 2]
     drift = ox[:, OUT_DRIFT] > 0.5
     v_n[drift] = np.column_stack([ox[drift, DN], ox[drift, DE], np.zeros(int(drift.sum()))])
     rpy = np.column_stack([roll, pitch, heading])
@@ -289,12 +291,19 @@ def _histories(
     for name, unit, ix, ie in STATES:
         if std[:, ie].max(initial=0.0) <= 0.0:
             continue
-        states[name] = StateHistory(
-            name, unit, times, x[:, ix].copy(), std[:, ie].copy(),
-            None if smoothed is None else smoothed[:, ix].copy(),
-            None if smoothed_std is None else smoothed_std[:, ie].copy(),
-        )  # fmt: skip
+        value, sigma = _told(name, x[:, ix], std[:, ie])
+        state = StateHistory(name, unit, times, value, sigma)
+        if smoothed is not None and smoothed_std is not None:
+            state.smoothed, state.smoothed_std = _told(name, smoothed[:, ix], smoothed_std[:, ie])
+        states[name] = state
     return states
+
+
+def _told(name: str, value: Array, std: Array) -> tuple[Array, Array]:
+    """A state as users know it: scales of speed are logarithms inside."""
+    if name in ("speed_scale", "path_scale"):
+        return np.expm1(value), std * np.exp(value)
+    return value.copy(), std.copy()
 
 
 def _tell_rejections(nav: Navigation) -> None:

@@ -105,7 +105,7 @@ class AuvFilter:
         self.compass = compass
         self.sensors = {"log": log, "depth": depth, "dvl": dvl, "mag": mag}
         self.started = False
-        self.c = configuration(self.settings, compass=compass, has_log=log, has_depth=depth)
+        self.c = configuration(self.settings, compass=compass, has_log=log, has_depth=depth, has_mag=mag)
         self.x = np.zeros(k.NX)
         self.P = np.zeros((k.N, k.N))
         self.X = np.zeros((k.N, k.N))
@@ -434,8 +434,7 @@ class AuvFilter:
             else:
                 return
         x = np.zeros(k.NX)
-        v = initial_variances(s, compass=self.compass, has_log=self.sensors["log"], has_mag=self.sensors["mag"],
-                              has_dvl=self.sensors["dvl"])  # fmt: skip
+        v = initial_variances(s, compass=self.compass, **{f"has_{name}": on for name, on in self.sensors.items()})
         x[k.QUAT : k.QUAT + 4] = quat_from_euler(roll, pitch, heading)
         x[k.ROLL], x[k.PITCH], x[k.HEAD] = roll, pitch, heading
         if not self.compass:

@@ -94,7 +94,7 @@ class AuvSettings:
         return self.output_rate == inf
 
 
-def configuration(s: AuvSettings, *, compass: bool, has_log: bool, has_depth: bool) -> Array:
+def configuration(s: AuvSettings, *, compass: bool, has_log: bool, has_depth: bool, has_mag: bool = False) -> Array:
     """The kernel's configuration vector (`kernels.auv_state`)."""
     from schuler.kernels import auv_state as k
 
@@ -108,9 +108,9 @@ def configuration(s: AuvSettings, *, compass: bool, has_log: bool, has_depth: bo
     c[k.Q_U] = s.speed_walk if s.speed_walk is not None else (0.03 if has_log else 0.01)
     # Scales and offsets are constants; a walk of 5 % of the prior an hour keeps them from freezing over days.
     per_hour = 0.05 / 60.0
-    c[k.Q_K] = s.speed_scale_std * per_hour
-    c[k.Q_M] = heading_offset_std(s, compass) * per_hour
-    c[k.Q_KP] = s.path_scale_std * per_hour
+    c[k.Q_K] = s.speed_scale_std * per_hour if has_log else 0.0
+    c[k.Q_M] = heading_offset_std(s, compass) * per_hour if compass or has_mag else 0.0
+    c[k.Q_KP] = path_scale_std(s, has_log, has_depth) * per_hour
     c[k.SIG_C] = s.current_std
     # The walk is one of a Gauss-Markov process that stays inside the prior.
     c[k.TAU_C] = 2.0 * (s.current_std / s.current_walk) ** 2 if s.current_walk > 0.0 and s.current_std > 0.0 else 1e12
@@ -142,7 +142,14 @@ def heading_offset_std(s: AuvSettings, compass: bool) -> float:
     return radians(5.0) if compass else radians(2.0)
 
 
-def initial_variances(s: AuvSettings, *, compass: bool, has_log: bool, has_mag: bool, has_dvl: bool) -> Array:
+def path_scale_std(s: AuvSettings, has_log: bool, has_depth: bool) -> float:
+    """Prior of the path scale: where a trusted log tells the speed along the axis, depth rate is not asked for it."""
+    return s.path_scale_std if has_depth and not (has_log and s.speed_scale_std < 0.05) else 0.0
+
+
+def initial_variances(
+    s: AuvSettings, *, compass: bool, has_log: bool, has_depth: bool, has_mag: bool, has_dvl: bool
+) -> Array:
     """Prior variances of the error state without attitude and position (those come from the start)."""
     from schuler.kernels import auv_state as k
 
@@ -157,6 +164,6 @@ def initial_variances(s: AuvSettings, *, compass: bool, has_log: bool, has_mag: 
     v[k.E_EN] = v[k.E_EE] = s.gnss_correlated_std**2
     v[k.E_W] = v[k.E_W + 2] = s.wave_std**2
     v[k.E_W + 1] = v[k.E_W + 3] = (s.wave_std * 2.0 * pi / s.wave_period) ** 2
-    v[k.E_KP] = s.path_scale_std**2
+    v[k.E_KP] = path_scale_std(s, has_log, has_depth) ** 2
     v[k.E_KD] = s.dvl_scale_std**2 if has_dvl else 0.0
     return v

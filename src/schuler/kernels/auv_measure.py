@@ -48,7 +48,9 @@ from .auv_state import (
     HAS_LOG,
     HGT,
     HREF,
+    E_KP,
     KD,
+    KP,
     LAT,
     LB,
     LEVEL_FLOOR,
@@ -199,22 +201,26 @@ def record(out, S, r, m, nis, used):
 def velocity_rows(x, c, H):
     """Velocity over ground in n (3) as return value, d(velocity error)/d(error state) into H (3, N)."""
     c00, c01, c02, c10, c11, c12, c20, c21, c22 = dcm_from_quat(x[QUAT], x[QUAT + 1], x[QUAT + 2], x[QUAT + 3])
-    u = x[U]
-    vn, ve, vd = c00 * u, c10 * u, c20 * u
+    g = math.exp(x[KP])
+    u = x[U] * g
+    vn, ve, vd = c00 * u, c10 * u, c20 * x[U]
     if x[DRIFT] > 0.5:
         H[0, E_DN] = 1.0
         H[1, E_DE] = 1.0
         return x[DN], x[DE], 0.0
     if c[MODE] < 0.5:
-        H[0, 1], H[0, 2] = -vd, ve
-        H[1, 0], H[1, 2] = vd, -vn
-        H[2, 0], H[2, 1] = -ve, vn
+        H[0, 1], H[0, 2] = -vd * g, ve
+        H[1, 0], H[1, 2] = vd * g, -vn
+        H[2, 0], H[2, 1] = -ve / g, vn / g
     else:
         H[0, E_M], H[1, E_M] = ve, -vn
-    H[0, E_U], H[1, E_U], H[2, E_U] = c00, c10, c20
+    H[0, E_U], H[1, E_U], H[2, E_U] = c00 * g, c10 * g, c20
+    H[0, E_KP], H[1, E_KP] = vn, ve
     H[0, E_CN] = 1.0
     H[1, E_CE] = 1.0
-    return vn + x[CN], ve + x[CE], vd
+    H[0, E_W] = 1.0
+    H[1, E_W + 2] = 1.0
+    return vn + x[CN] + x[W], ve + x[CE] + x[W + 2], vd
 
 
 @njit(cache=True, error_model="numpy")
@@ -319,9 +325,6 @@ def measure_velocity(x, P, X, c, zn, ze, zd, sn, se, sd, out):
     r[0] = vn - turn * ve + jn - zn
     r[1] = ve + turn * vn + je - ze
     R = np.zeros(3)
-    H[0, E_W], H[1, E_W + 2] = 1.0, 1.0
-    r[0] += x[W]
-    r[1] += x[W + 2]
     R[0], R[1] = sn * sn, se * se
     S = innovation_covariance(P, H, R, 2)
     nis = nis_of(S, r, 2)
@@ -341,13 +344,15 @@ def measure_velocity(x, P, X, c, zn, ze, zd, sn, se, sd, out):
 
 @njit(cache=True, error_model="numpy")
 def measure_speed(x, P, X, c, z, s, out):
-    """Axial log: z = u (1 + k) + (w x arm)_x. Its NIS steers how freely u may change."""
+    """Axial log: z = u (1 + path scale) (1 + k) + (w x arm)_x. Its NIS steers how freely u may change."""
     H = np.zeros((1, N))
-    H[0, E_U] = 1.0 + x[K]
-    H[0, E_K] = x[U]
+    g = math.exp(x[KP] + x[K])
+    H[0, E_U] = g
+    H[0, E_K] = x[U] * g
+    H[0, E_KP] = x[U] * g
     arm = x[RATE + 1] * c[LOG + 2] - x[RATE + 2] * c[LOG + 1]
     r = np.zeros(3)
-    r[0] = x[U] * (1.0 + x[K]) + arm - z
+    r[0] = x[U] * g + arm - z
     R = np.array([s * s])
     S = innovation_covariance(P, H, R, 1)
     nis = nis_of(S, r, 1)
@@ -364,10 +369,11 @@ def measure_dvl(x, P, X, c, zx, zy, s, out):
     c00, c01, c02, c10, c11, c12, c20, c21, c22 = dcm_from_quat(x[QUAT], x[QUAT + 1], x[QUAT + 2], x[QUAT + 3])
     g = 1.0 + x[KD]
     wn, we = x[CN] + x[W], x[CE] + x[W + 2]
-    bx = x[U] + c00 * wn + c10 * we + x[RATE + 1] * c[DVL + 2] - x[RATE + 2] * c[DVL + 1]
+    bx = x[U] * math.exp(x[KP]) + c00 * wn + c10 * we + x[RATE + 1] * c[DVL + 2] - x[RATE + 2] * c[DVL + 1]
     by = c01 * wn + c11 * we + x[RATE + 2] * c[DVL] - x[RATE] * c[DVL + 2]
     H = np.zeros((2, N))
-    H[0, E_U] = g
+    H[0, E_U] = g * math.exp(x[KP])
+    H[0, E_KP] = x[U] * H[0, E_U]
     for a in range(2):
         fn, fe, fd = (c00, c10, c20) if a == 0 else (c01, c11, c21)
         H[a, E_CN], H[a, E_CE] = g * fn, g * fe
@@ -446,7 +452,8 @@ def measure_level(x, P, X, c, out):
     t = x[LT]
     f_n, f_e, f_d = x[LS] / t, x[LS + 1] / t, x[LS + 2] / t
     c00, c01, c02, c10, c11, c12, c20, c21, c22 = dcm_from_quat(x[QUAT], x[QUAT + 1], x[QUAT + 2], x[QUAT + 3])
-    vn, ve = c00 * x[U], c10 * x[U]
+    u = x[U] * math.exp(x[KP])
+    vn, ve = c00 * u, c10 * u
     wobble = 0.0
     for i in range(2):
         mean = x[LSV + i] / t

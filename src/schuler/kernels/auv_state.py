@@ -7,7 +7,9 @@ error = estimate - truth, C_hat = (I - [phi x]) C:
     log scale k | current N, E | compass offset m | GNSS correlated error N, E | path scale | DVL scale | surface drift N, E |
     waves N, N', E, E' (orbital velocity at the surface: a lightly damped oscillator, seen by GNSS velocity and DVL)
 
-Motion: p' = C_nb (u, 0, 0) + current below, p' = drift on a surface leg; down: p_D' = -u sin(pitch) (1 + path scale).
+Motion: p' = C_nb (u, 0, 0) (1 + path scale) + current below, p' = drift on a surface leg; down: p_D' = -u sin(pitch).
+The path scale is what a path steeper than the pitch (angle of attack) takes off the way over ground. It and k are
+kept as logarithms of (1 + scale): a log and a path that share an unknown scale then share it along a straight line.
 With a raw IMU (mode 0) the attitude is integrated; with a compass/AHRS (mode 1) it is given and only m is estimated.
 Source: error model of Groves (2013) section 14.2 reduced to speed-log dead reckoning; Earth rate explicit.
 """
@@ -74,8 +76,8 @@ def refresh_earth(x):
     g0 = 9.7803253359 * (1.0 + 1.931852652458e-3 * s * s) / w
     x[GRAV] = g0 * (1.0 - 3.14e-7 * x[HGT])
     c00, c01, c02, c10, c11, c12, c20, c21, c22 = dcm_from_quat(x[QUAT], x[QUAT + 1], x[QUAT + 2], x[QUAT + 3])
-    vn = c00 * x[U] + x[CN]
-    ve = c10 * x[U] + x[CE]
+    vn = c00 * x[U] * math.exp(x[KP]) + x[CN]
+    ve = c10 * x[U] * math.exp(x[KP]) + x[CE]
     x[WIN] = OMEGA * co + ve / x[RE]
     x[WIN + 1] = -vn / x[RN]
     x[WIN + 2] = -OMEGA * s - ve * s / (x[CLAT] * x[RE])
@@ -87,8 +89,8 @@ def reset_levelling(x):
     for i in range(LT, MT):
         x[i] = 0.0
     c00, c01, c02, c10, c11, c12, c20, c21, c22 = dcm_from_quat(x[QUAT], x[QUAT + 1], x[QUAT + 2], x[QUAT + 3])
-    x[LV0] = c00 * x[U]
-    x[LV0 + 1] = c10 * x[U]
+    x[LV0] = c00 * x[U] * math.exp(x[KP])
+    x[LV0 + 1] = c10 * x[U] * math.exp(x[KP])
 
 
 @njit(cache=True, error_model="numpy")
@@ -102,9 +104,8 @@ def _move(x, c00, c10, c20, dt):
     if x[DRIFT] > 0.5:
         vn, ve, vd = x[DN], x[DE], 0.0
     else:
-        vn += x[CN]
-        ve += x[CE]
-        vd *= 1.0 + x[KP]
+        vn = vn * math.exp(x[KP]) + x[CN]
+        ve = ve * math.exp(x[KP]) + x[CE]
     x[LAT] += vn * dt / x[RN]
     x[LON] = wrap_pi(x[LON] + ve * dt / (x[RE] * x[CLAT]))
     x[HGT] -= vd * dt
@@ -257,7 +258,7 @@ def oscillator(w, tau):
 def _rows(A, x, c, tau, ac, ae, imu, drift):
     """A <- Phi A, in place: the few rows of Phi that are not the identity's."""
     vn, ve, vd = x[VI], x[VI + 1], x[VI + 2]
-    s = 1.0 + x[KP]
+    s = math.exp(x[KP])
     for j in range(N):
         if drift:
             A[E_N, j] += tau * A[E_DN, j]
@@ -268,9 +269,9 @@ def _rows(A, x, c, tau, ac, ae, imu, drift):
             else:
                 p0, p1, p2 = 0.0, 0.0, A[E_M, j]
             du = A[E_U, j]
-            A[E_N, j] += ve * p2 - vd * p1 + x[AI] * du + tau * A[E_CN, j]
-            A[E_E, j] += vd * p0 - vn * p2 + x[AI + 3] * du + tau * A[E_CE, j]
-            A[E_D, j] += s * (vn * p1 - ve * p0 + x[AI + 6] * du) + vd * A[E_KP, j]
+            A[E_N, j] += s * (ve * p2 - vd * p1 + x[AI] * du) + s * vn * A[E_KP, j] + tau * A[E_CN, j]
+            A[E_E, j] += s * (vd * p0 - vn * p2 + x[AI + 3] * du) + s * ve * A[E_KP, j] + tau * A[E_CE, j]
+            A[E_D, j] += vn * p1 - ve * p0 + x[AI + 6] * du
     if imu:
         wn, we, wd = x[WIN] * tau, x[WIN + 1] * tau, x[WIN + 2] * tau
         for j in range(N):
@@ -300,8 +301,8 @@ def _bend(x, P, tau, imu):
     Heading and current learnt together at a fix leave an error only in the way d that differs from going on as then;
     turned by psi, it errs by psi x d (in P) and by -psi^2 d / 2, whose mean square 3/4 sigma^4 d d' is added as d grows.
     """
-    x[DREF] += x[VI] - x[VREF] * tau
-    x[DREF + 1] += x[VI + 1] - x[VREF + 1] * tau
+    x[DREF] += x[VI] * math.exp(x[KP]) - x[VREF] * tau
+    x[DREF + 1] += x[VI + 1] * math.exp(x[KP]) - x[VREF + 1] * tau
     d2 = x[DREF] * x[DREF] + x[DREF + 1] * x[DREF + 1]
     if d2 > x[DMAX]:
         var = P[2, 2] if imu else P[E_M, E_M]
@@ -317,7 +318,8 @@ def _bend(x, P, tau, imu):
 def set_reference(x):
     """A fix was taken: from here on `_bend` counts."""
     a0, a1, a2 = forward_axis(x)
-    x[VREF], x[VREF + 1] = x[U] * a0, x[U] * a1
+    v = x[U] * math.exp(x[KP])
+    x[VREF], x[VREF + 1] = v * a0, v * a1
     x[DREF] = x[DREF + 1] = x[DMAX] = 0.0
 
 

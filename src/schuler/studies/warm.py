@@ -35,7 +35,7 @@ def warm_auv() -> None:
     from schuler.studies.model import parse_study
     from schuler.studies.run import run_study
 
-    mission = {"surface_s": 30.0, "dive_s": 80.0, "depth_m": 0.0, "final_surface_s": 20.0}
+    mission = {"surface_s": 30.0, "dive_s": 240.0, "depth_m": 0.0, "final_surface_s": 20.0}
     for extra in ({}, {"magnetometer": True, "dvl": True}):
         study = parse_study({"study": {"name": "warmup", "kind": "auv"}, "mission": {**mission, **extra}})
         run_study(study)
@@ -65,7 +65,7 @@ def warm_paper() -> None:
     for method in ("paper", "paper-literal"):
         raw = {
             "study": {"name": "warmup", "kind": "auv"},
-            "mission": {"surface_s": 30.0, "dive_s": 80.0, "depth_m": 0.0},
+            "mission": {"surface_s": 30.0, "dive_s": 240.0, "depth_m": 0.0},
             "filter": {"method": method},
         }
         run_study(parse_study(raw))
@@ -81,12 +81,32 @@ def warm_platform() -> None:
         run_study(parse_study({"study": {"name": "warmup", "kind": "platform"}, "platform": keys}))
 
 
+def warm_strapdown() -> None:
+    """Kind "strapdown": truth, mechanization, error model, alignment, attitude study."""
+    from schuler.inertial.attitude_study import integrate
+    from schuler.studies.align import align_study
+    from schuler.studies.model import parse_study
+    from schuler.studies.run import run_study
+
+    for preset in ("legs", "great-circle", "rest"):
+        raw = {
+            "study": {"name": "warmup", "kind": "strapdown"},
+            "start": {"lat_deg": 50.0},
+            "trajectory": {"preset": preset, "duration_s": 60.0, "rate_hz": 50},
+            "imu": {"gyro_bias_deg_per_h": 0.01, "accel_bias_ug": 50, "gyro_arw_deg_per_sqrt_h": 0.001},
+        }
+        run_study(parse_study(raw))
+    align_study(parse_study({**raw, "align": {"from_s": 0.0, "to_s": 60.0}}))
+    integrate("quaternion", 4, 0.1, 1.0)
+
+
 # what `schuler warmup` runs, in order; a part that brings kernels of its own adds a line
 STEPS: list[tuple[str, Callable[[], None]]] = [
     ("auv: simulation, filter, smoother", warm_auv),
     ("auv: a vehicle's own compass", warm_compass),
     ("auv: the paper's filter", warm_paper),
     ("platform: alignment, algorithms, maps", warm_platform),
+    ("strapdown: truth, mechanization, error model, alignment", warm_strapdown),
 ]
 
 

@@ -1,6 +1,7 @@
 # make demo      the main job, on an embedded mission          make quick     tests without the slow ones
 # make test      everything that must hold                     make bench     speed of the main tasks
 # make evidence  the figures of the README, measured again     make lock      pins what is installed now
+# make kernels   after a change of the kernels: what a first start compiles on all cores
 #
 # All of them first make what they need: a virtual environment in .venv (PYTHON says with which Python, 3.11 or newer).
 
@@ -10,7 +11,7 @@ STAMP := .venv/.installed
 JOBS ?= 2
 
 .DEFAULT_GOAL := demo
-.PHONY: demo test quick bench evidence setup lock lint warm
+.PHONY: demo test quick bench evidence setup lock lint warm kernels
 
 demo: setup
 	@.venv/bin/schuler demo --out demo-result
@@ -47,6 +48,9 @@ bench: setup warm
 
 evidence: setup warm
 	$(PY) benchmarks/evidence.py
+
+kernels: setup
+	$(PY) -m schuler.studies.precompile record
 
 lock:
 	$(PY) tools/lock.py

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from schuler.cli.screen import steps, tell_if_cold
+from schuler.cli.screen import steps, compile_if_cold
 
 
 def align(path: Path, out: Path | None, seed: int | None) -> None:
@@ -13,7 +13,7 @@ def align(path: Path, out: Path | None, seed: int | None) -> None:
     from schuler.studies.model import load_study
 
     study = load_study(path)
-    tell_if_cold(("mechanization", "alignment"))
+    compile_if_cold(("mechanization", "alignment"))
     with steps() as progress:
         _, told = align_study(study, seed=seed, progress=progress)
         written = write(told, out if out is not None else study.folder / f"{study.study.name}-alignment")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from schuler.cli.screen import steps, tell_if_cold
+from schuler.cli.screen import compile_if_cold, steps
 
 DEMO_OUT = Path("demo-result")
 
@@ -26,7 +26,7 @@ def run(path: Path, out: Path | None, seed: int | None) -> None:
 
     study = load_study(path)
     target = check_target(out if out is not None else default_out(study))  # before the work, not after it
-    tell_if_cold(kernels_of(study.study.kind, simulated=study.mission is not None))
+    compile_if_cold(kernels_of(study.study.kind, simulated=study.mission is not None))
     with steps() as progress:
         result = run_study(study, seed=seed, progress=progress)
         lines = figures(result)
@@ -42,4 +42,4 @@ def run(path: Path, out: Path | None, seed: int | None) -> None:
 def kernels_of(kind: str, *, simulated: bool) -> tuple[str, ...]:
     """Kernel modules that a kind runs, to know whether they are compiled."""
     known = {"auv": ("auv_run", "auv_smooth"), "platform": ("platform", "platform_alignment")}
-    return (*known.get(kind, ()), *(("mission",) if simulated and kind == "auv" else ()))
+    return (*known.get(kind, ()), *(("mission", "noise") if simulated and kind == "auv" else ()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from schuler.cli.screen import steps
+from schuler.cli.screen import compile_if_cold, steps
 from schuler.ground.errors import InputError
 
 
@@ -30,6 +30,8 @@ def published(source: str | None, json: Path | None) -> None:
 
     from schuler.published.ledger import ledger, render, to_json
 
+    if source in (None, "auv"):
+        compile_if_cold(("paper", "mission", "noise"))
     with steps() as progress:
         rows = ledger(source, progress)
     if json is not None:
@@ -56,9 +58,13 @@ def bench(json: Path | None) -> None:
 
 def warmup() -> None:
     """Every kernel into numba's cache."""
-    from schuler.studies.warm import warm_all
+    from schuler.studies.precompile import jobs_of, precompile
+    from schuler.studies.warm import cold, warm_all
 
     start = time.perf_counter()
     with steps() as progress:
+        if cold(sorted({job.module for job in jobs_of()})):
+            progress("compiling kernels on all cores")
+            precompile()
         warm_all(progress)
     print(f"kernels are compiled ({time.perf_counter() - start:.1f} s)")

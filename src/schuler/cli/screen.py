@@ -24,9 +24,12 @@ def steps() -> Iterator[Callable[[str], None]]:
         yield lambda step: shown.update(task, description=step)
 
 
-def tell_if_cold(modules: tuple[str, ...]) -> None:
-    """Says once that kernels are being compiled, where they are not in numba's cache yet."""
+def compile_if_cold(modules: tuple[str, ...]) -> None:
+    """Compiles kernel modules that are not in numba's cache yet, on all cores, and says so once."""
     from schuler.studies.warm import cold
 
     if cold(modules):
         say("compiling kernels once (some seconds; later runs start at once) ...")
+        from schuler.studies.precompile import precompile
+
+        precompile(modules)

@@ -44,7 +44,7 @@ quick: setup warm
 	$(PY) -m pytest -n $(JOBS) -m "not slow"
 
 bench: setup warm
-	.venv/bin/schuler bench
+	$(PY) benchmarks/speed.py
 
 evidence: setup warm
 	$(PY) benchmarks/evidence.py

@@ -21,7 +21,7 @@ def test_the_list_fits_the_kernels():
 def test_a_part_brings_what_it_calls():
     every = {(j.module, j.function) for j in precompile.jobs_of()}
     part = precompile.jobs_of(["mission"])
-    assert {"mission"} < {j.module for j in part} | {"mission", "x"}
+    assert "mission" in {j.module for j in part}
     assert {(j.module, j.function) for j in part} < every
     for i, job in enumerate(part):
         assert i not in job.after and all(0 <= k < len(part) for k in job.after)

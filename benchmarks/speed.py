@@ -1,0 +1,31 @@
+"""`make bench`: speed of the main tasks (medians, warm) beside what is promised. Status 1 where one is missed."""
+
+from __future__ import annotations
+
+import sys
+
+from schuler.studies.bench import IMPORT, run_tasks, table_lines
+
+PROMISED = {  # task: least rate
+    "AUV filter and smoother, 620 s at 100 Hz": 62_000 / 1.0,  # a whole run in a second
+    "AUV filter, 620 s at 100 Hz": 200_000,
+    "AUV filter online, one predict from Python": 1 / 20e-6,
+}
+MOST = {IMPORT: 1.6}  # times import numpy
+
+
+def main() -> int:
+    rows = run_tasks(lambda step: print(f"  {step} ...", file=sys.stderr))
+    print("\n".join(table_lines(rows)))
+    missed = []
+    for r in rows:
+        if r.rate < PROMISED.get(r.task, 0.0):
+            missed.append(f"{r.task}: {r.rate:.4g} {r.unit}, promised {PROMISED[r.task]:.4g}")
+        if r.rate > MOST.get(r.task, float("inf")):
+            missed.append(f"{r.task}: {r.rate:.3g} {r.unit}, at most {MOST[r.task]}")
+    print("\n".join(f"MISSED {m}" for m in missed) if missed else "all that is promised is kept")
+    return bool(missed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

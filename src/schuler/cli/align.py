@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from schuler.cli.screen import steps, compile_if_cold
+from schuler.cli.screen import compile_if_cold, steps
 
 
 def align(path: Path, out: Path | None, seed: int | None) -> None:

@@ -31,7 +31,7 @@ SCHULER = math.sqrt(GM / RADIUS**3)  # w_s, rad/s
 ALGORITHMS = ("position-independent", "free-azimuth", "strapdown", "strapdown-open-loop", "as-published")
 FORMS = ("exact", "corrected", "literal")
 ANGLE_LIMIT = math.radians(80.0)  # beyond, latitude and longitude give way to direction cosines
-RAMP_STEPS = 300.0  # RK4 misses a quintic ramp of the speed v by v/4 over the fourth power of this: 3e-5 m after 1 km/s
+RAMP_STEPS = 400.0  # RK4 misses a quintic ramp to the speed v by v/4 over the fourth power of this
 STEP = 5.0  # s; the drift-free exact form stays below 1e-5 m in 2 h of fast flight
 
 

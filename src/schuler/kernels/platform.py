@@ -165,6 +165,8 @@ def start(code, par, y):
         r0 += w_e * cp * (s * t2 - c * t1)
         y[4], y[5] = alpha * s + t2 + par[TILT1], alpha * c - t1 + par[TILT2]
         y[6], y[7] = (par[DRIFT3] - r0) * y[5] - par[DV2] / dist, (r0 - par[DRIFT3]) * y[4] + par[DV1] / dist
+        y[6] += w_e * cp * (math.cos(par[PSI]) - c)
+        y[7] -= w_e * cp * (math.sin(par[PSI]) - s)
         a0, e1, e2, e3 = quat_local(phi, par[LON])
         y[12], y[13], y[14], y[15] = quat_product(
             a0, e1, e2, e3, math.cos(0.5 * par[PSI]), 0.0, 0.0, math.sin(0.5 * par[PSI])
@@ -176,6 +178,9 @@ def start(code, par, y):
         y[4], y[5] = phi_x, phi_y
         y[6] = -(d2 - d2 / (1.0 + par[KA2]) + par[DV2] / (1.0 + par[KA2])) / dist
         y[7] = (d1 - d1 / (1.0 + par[KA1]) + par[DV1] / (1.0 + par[KA1])) / dist
+        # with a wrong heading the Earth's rate is commanded about the wrong axes
+        y[6] += w_e * cp * s * (psi - par[PSI])
+        y[7] += w_e * cp * c * (psi - par[PSI])
         y[8], y[9], y[10] = turn(n0, n1, n2, n3, 0.0, 0.0, par[PSI] - psi)
     elif code == FIRST_ORDER_TILTED:
         y[0], y[1], y[2], y[3] = h0, h1, h2, h3

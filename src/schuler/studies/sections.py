@@ -242,15 +242,18 @@ class NoiseSection(Section):
     depth_m: float = key(0.1, "depth sensor", "m", gt=0)
     height_m: float = key(1.0, "barometric height", "m", gt=0)
     attitude_deg: Three = key((1.0, 1.0, 2.0), "roll, pitch, heading of an attitude table", "deg")
+    attitude_tau_s: float = key(30.0, "how long an error of an attitude table's heading lasts", "s", gt=0)
     heading_offset_deg: float | None = key(
         None, "constant offset of the heading, prior; absent: 5 of an attitude table, 2 of a magnetometer", "deg", ge=0
     )
     mag_deg: float = key(1.5, "heading from the magnetometer", "deg", gt=0)
     range_m: float = key(0.5, "range to a known point", "m", gt=0)
-    wave_mps: float = key(0.07, "orbital velocity of waves at the surface, rms of one axis", "m/s", ge=0)
+    wave_mps: float = key(0.06, "orbital velocity of waves at the surface, rms of one axis", "m/s", ge=0)
+    wave_period_s: float = key(5.0, "their period", "s", gt=0)
     current_mps: float = key(0.3, "water current, each axis, prior", "m/s", ge=0)
     current_walk_mps_per_sqrt_h: float = key(0.06, "how fast the current changes", "m/s/sqrt(h)", ge=0)
     drift_mps: float = key(0.3, "drift at the surface while no speed is known, each axis, prior", "m/s", ge=0)
+    drift_tau_s: float = key(600.0, "how long one drift lasts", "s", gt=0)
 
 
 class MountingSection(Section):

@@ -70,7 +70,9 @@ def input_rows(tables: Tables, settings: AuvSettings) -> tuple[Array, bool, list
                 notes.append("magnetometer columns hold gaps (NaN); the magnetometer was left out")
         return np.ascontiguousarray(np.hstack(parts)), False, notes
     if "attitude" not in tables:
-        raise InputError("the study gives neither imu nor attitude; kind auv needs one of them: [input] imu = \"imu.csv\"")
+        raise InputError(
+            'the study gives neither imu nor attitude; kind auv needs one of them: [input] imu = "imu.csv"'
+        )
     table = tables["attitude"]
     heading = table["heading"] if "heading" in table else table["heading_mag"] + settings.declination
     rows = np.column_stack([table.time, table["roll"], table["pitch"], heading])
@@ -90,7 +92,10 @@ def measurements_of(tables: Tables, settings: AuvSettings) -> list[Measurement]:
 
     if "gnss" in tables:
         g = tables["gnss"]
-        s = [_white(g, f"std_{a}", d, settings) for a, d in zip(("north", "east", "down"), settings.gnss_std, strict=True)]
+        s = [
+            _white(g, f"std_{a}", d, settings)
+            for a, d in zip(("north", "east", "down"), settings.gnss_std, strict=True)
+        ]
         height = g["height"] if "height" in g else np.full(len(g), nan)
         for i, t in enumerate(g.time):
             if isfinite(g["lat"][i]) and isfinite(g["lon"][i]):
@@ -100,7 +105,8 @@ def measurements_of(tables: Tables, settings: AuvSettings) -> list[Measurement]:
                 )
         if "v_north" in g and "v_east" in g:
             w = [
-                sigma(g, f"std_v_{a}", d) for a, d in zip(("north", "east", "down"), settings.gnss_velocity_std, strict=True)
+                sigma(g, f"std_v_{a}", d)
+                for a, d in zip(("north", "east", "down"), settings.gnss_velocity_std, strict=True)
             ]
             down = g["v_down"] if "v_down" in g else np.zeros(len(g))
             for i, t in enumerate(g.time):
@@ -191,7 +197,13 @@ def navigate(tables: Tables, settings: AuvSettings) -> Navigation:
         smoother = False
         notes.append(f"no smoother: {max_nodes} nodes would need more than {SMOOTHER_BYTES / 1e9:.0f} GB of memory")
     k = max_nodes if smoother else 0
-    nodes = (np.zeros((k, NX)), np.zeros((k, N, N)), np.zeros((max_nodes, NX)), np.zeros((k, N, N)), np.zeros((k, N, N)))
+    nodes = (
+        np.zeros((k, NX)),
+        np.zeros((k, N, N)),
+        np.zeros((max_nodes, NX)),
+        np.zeros((k, N, N)),
+        np.zeros((k, N, N)),
+    )
     ustd = np.zeros((max_nodes, N))
     out = (np.zeros((n_out, OUT)), np.zeros((n_out, 3, 3)), np.zeros((n_out, 3, 3)), np.zeros((n_out, 3, 3)))
     n_inner = int(span * 1.2) + 16
@@ -272,7 +284,9 @@ def _innovations(
     kinds = np.array([KINDS.index(m.kind) for m in measurements[:done]], dtype=int)
     times = np.array([m.time for m in measurements[:done]])
     sets = [(kind, times[kinds == i], innov[:done][kinds == i]) for i, kind in enumerate(KINDS)]
-    sets += [(kind, inner_t[i, : counts[i]], inner[i, : counts[i]]) for i, kind in enumerate(("levelling", "magnetometer"))]
+    sets += [
+        (kind, inner_t[i, : counts[i]], inner[i, : counts[i]]) for i, kind in enumerate(("levelling", "magnetometer"))
+    ]
     for kind, t, rows in sets:
         if len(t):
             name, components, unit = INNOVATIONS[kind]
@@ -310,7 +324,9 @@ def _tell_rejections(nav: Navigation) -> None:
     for name, i in nav.innovations.items():
         left_out = int((~i.used).sum())
         if left_out:
-            nav.notes.append(f"{name}: {left_out} of {len(i.time)} measurements contradicted the filter and were left out")
+            nav.notes.append(
+                f"{name}: {left_out} of {len(i.time)} measurements contradicted the filter and were left out"
+            )
 
 
 def with_start(settings: AuvSettings, **given: float) -> AuvSettings:

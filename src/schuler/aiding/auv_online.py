@@ -472,9 +472,10 @@ class AuvFilter:
         x[k.U] = w.speed if math.isfinite(w.speed) else 0.0
         x[k.T] = x[k.TC] = x[k.TNODE] = x[k.TROW] = x[k.TINFO] = x[k.TFIX] = time
         x[k.ZDT] = -math.inf
-        x[k.SNIS] = 1.0
+        x[k.SNIS] = x[k.WILD] = 1.0
         self.x, self.P, self.X = x, P, P.copy()
         k.refresh_earth(self.x)
+        k.refresh_telling(self.x, self.c)
         k.reset_levelling(self.x)
         self.started = True
         self._marks.append((self.x.copy(), self.P.copy(), self.X.copy()))

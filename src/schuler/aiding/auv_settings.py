@@ -69,7 +69,7 @@ class AuvSettings:
     wave_std: float = 0.06  # horizontal orbital velocity at the surface, rms
     wave_period: float = 5.0
     drift_std: float = 0.3
-    drift_tau: float = 3600.0
+    drift_tau: float = 600.0
     speed_walk: float | None = None  # m/s/sqrt(s): 0.03 with a log, 0.01 from depth rate
     path_scale_std: float = 0.1
     position_walk: float = 0.02  # m/sqrt(s): what no state explains
@@ -81,7 +81,9 @@ class AuvSettings:
     speed_arm: Vector = (0.0, 0.0, 0.0)
     level_block: float = 10.0
     level_floor: float = 1.5e-3  # m/s^2
-    consider_after: float = inf  # s without a fix after which levelling leaves heading and its gyro bias alone (Schmidt)
+    consider_after: float = (
+        inf  # s without a fix after which levelling leaves heading and its gyro bias alone (Schmidt)
+    )
     gate: bool = True
     gap: float = 60.0
     imu_gap: float = 0.5

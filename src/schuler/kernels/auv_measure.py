@@ -15,6 +15,7 @@ from .auv_state import (
     ANT,
     ARW,
     CE,
+    CLAT,
     CN,
     CONSIDER_S,
     DE,
@@ -35,6 +36,7 @@ from .auv_state import (
     E_EN,
     E_K,
     E_KD,
+    E_KP,
     E_M,
     E_N,
     E_U,
@@ -43,12 +45,10 @@ from .auv_state import (
     EN,
     GAP_S,
     GATE,
-    GRAV,
     HAS_DEPTH,
     HAS_LOG,
     HGT,
     HREF,
-    E_KP,
     KD,
     KP,
     LAT,
@@ -75,6 +75,7 @@ from .auv_state import (
     REJ_P,
     REJ_V,
     RN,
+    SIG_DRIFT,
     SIG_E,
     SIN_MIN_PITCH,
     SNIS,
@@ -83,15 +84,15 @@ from .auv_state import (
     TINFO,
     VHREF,
     VREF,
-    W,
+    WILD,
     WOBBLE,
     ZD,
     ZDT,
-    CLAT,
     K,
     N,
     T,
     U,
+    W,
     carry_covariance,
     correct,
     reset_levelling,
@@ -269,7 +270,12 @@ def measure_position(x, P, X, c, lat, lon, height, sn, se, sd, out):
     grown = 0.0
     used = 1.0
     if nis > LIMIT2 and c[GATE] > 0.5:
-        if x[T] - x[TFIX] > c[GAP_S] or x[REJ_P] >= 3.0:
+        if x[DRIFT] > 0.5:
+            # On a surface leg the motion is anybody's guess (wind, a tow, a deck): let it be wilder.
+            x[WILD] = min(x[WILD] * min(nis / LIMIT2, 10.0), 1e5)
+            for i in (E_DN, E_DE):
+                P[i, i] += c[SIG_DRIFT] * c[SIG_DRIFT] * x[WILD]
+        if x[T] - x[TFIX] > c[GAP_S] or x[REJ_P] >= 3.0 or x[DRIFT] > 0.5:
             mean = 0.5 * (S[0, 0] + S[1, 1])
             top = mean + math.sqrt(0.25 * (S[0, 0] - S[1, 1]) ** 2 + S[0, 1] * S[0, 1])
             grown = (nis / LIMIT2 - 1.0) * top
@@ -278,6 +284,8 @@ def measure_position(x, P, X, c, lat, lon, height, sn, se, sd, out):
             used = 2.0
         else:
             used = 0.0
+    elif x[WILD] > 1.0:
+        x[WILD] = max(1.0, 0.9 * x[WILD])
     record(out, S, r, 2, nis, used)
     if used > 0.0:
         apply(x, P, c, H, r, R, 2, np.zeros(N))

@@ -40,6 +40,8 @@ from .auv_state import (
 )
 from .rotation import quat_product, rotvec_from_quat, wrap_pi
 
+TINY = 1e-10
+
 
 @njit(cache=True, error_model="numpy")
 def difference(c, a, b, d):
@@ -64,7 +66,10 @@ def difference(c, a, b, d):
 
 @njit(cache=True, error_model="numpy")
 def _gain(X, P, G, work, scale, active):
-    """G = X' P^-1 on the states with variance, P scaled to unit diagonal and factored by Cholesky."""
+    """G = X' P^-1 on the states with variance, P scaled to unit diagonal and factored by Cholesky.
+
+    A state that others determine (pivot below TINY) adds nothing to them and is passed over.
+    """
     n = 0
     for i in range(N):
         if P[i, i] > 0.0:
@@ -74,12 +79,10 @@ def _gain(X, P, G, work, scale, active):
     for a in range(n):
         for b in range(a + 1):
             v = P[active[a], active[b]] * scale[a] * scale[b]
-            if a == b:
-                v += 1e-13
             for k in range(b):
                 v -= work[a, k] * work[b, k]
             if a == b:
-                work[a, a] = math.sqrt(max(v, 1e-14))
+                work[a, a] = math.sqrt(v) if v > TINY else math.inf
             else:
                 work[a, b] = v / work[b, b]
     G[:, :] = 0.0

@@ -41,7 +41,8 @@ ROLL, PITCH, HEAD, ROWS = 85, 86, 87, 88  # last compass row (mode 1), rows seen
 WOBBLE, MVAR = 89, 90  # velocity variance seen in the last levelling block, variance of a magnetometer block
 MH = 91  # integral of d(field azimuth)/d(tilt north, east) over the magnetometer block (2)
 VREF, DREF, DMAX = 93, 95, 97  # water velocity at the last fix (2), way since beside it (2), its largest square
-NX = 98
+TELLS, WILD = 98, 99  # does depth rate tell the speed now? how much wilder than its prior a surface leg moves
+NX = 100
 
 # --- error state (P) ---------------------------------------------------------------------------------------------
 E_PHI, E_BG, E_BA, E_N, E_E, E_D, E_U, E_K, E_CN, E_CE, E_M = 0, 3, 6, 9, 10, 11, 12, 13, 14, 15, 16
@@ -108,7 +109,18 @@ def _move(x, c00, c10, c20, dt):
         ve = ve * math.exp(x[KP]) + x[CE]
     x[LAT] += vn * dt / x[RN]
     x[LON] = wrap_pi(x[LON] + ve * dt / (x[RE] * x[CLAT]))
-    x[HGT] -= vd * dt
+    x[HGT] -= vd * dt * x[TELLS]
+
+
+@njit(cache=True, error_model="numpy")
+def refresh_telling(x, c):
+    """Depth tells the speed only where the path is steep and pitch and depth rate agree (else: apogee, flare, surface).
+
+    A vehicle with IMU and log knows its speed anyway: there the vertical motion always follows the pitch.
+    """
+    c00, c10, c20 = forward_axis(x)
+    steep = abs(c20) > SIN_MIN_PITCH and x[DRATE] * c20 > 0.0 and x[ZD] > c[SURFACE_M]
+    x[TELLS] = 1.0 if steep or (c[MODE] < 0.5 and c[HAS_LOG] > 0.5) else 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -126,6 +138,7 @@ def set_drift(x, P, X, c, on):
         P[i, i] = var
     x[DN] = 0.0
     x[DE] = 0.0
+    x[WILD] = 1.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -271,7 +284,7 @@ def _rows(A, x, c, tau, ac, ae, imu, drift):
             du = A[E_U, j]
             A[E_N, j] += s * (ve * p2 - vd * p1 + x[AI] * du) + s * vn * A[E_KP, j] + tau * A[E_CN, j]
             A[E_E, j] += s * (vd * p0 - vn * p2 + x[AI + 3] * du) + s * ve * A[E_KP, j] + tau * A[E_CE, j]
-            A[E_D, j] += vn * p1 - ve * p0 + x[AI + 6] * du
+            A[E_D, j] += x[TELLS] * (vn * p1 - ve * p0 + x[AI + 6] * du)
     if imu:
         wn, we, wd = x[WIN] * tau, x[WIN + 1] * tau, x[WIN + 2] * tau
         for j in range(N):
@@ -340,7 +353,6 @@ def flush(x, P, X, c):
     x[CE] *= ac
     x[EN] *= ae
     x[EE] *= ae
-    sin_pitch = -x[AI + 6] / tau
     if imu:
         for i in range(3):
             P[i, i] += c[ARW] * c[ARW] * tau
@@ -352,17 +364,13 @@ def flush(x, P, X, c):
         dz = x[VI + 2] * c[SHEAR]
         q_c += dz * dz / tau
     q_p = c[Q_POS] * c[Q_POS]
-    # Depth tells the speed only where the path is steep and pitch and depth rate agree (else: apogee, flare, surface).
-    telling = c[HAS_LOG] > 0.5 and imu
-    if not telling:
-        telling = abs(sin_pitch) > SIN_MIN_PITCH and x[DRATE] * sin_pitch < 0.0 and x[ZD] > c[SURFACE_M]
-    q_d = c[Q_DOWN] if telling else max(c[Q_DOWN], 0.5)
+    q_d = c[Q_DOWN] if x[TELLS] > 0.5 else max(c[Q_DOWN], 0.5)
     P[E_N, E_N] += q_p * tau
     P[E_E, E_E] += q_p * tau
     P[E_D, E_D] += q_d * q_d * tau
     P[E_U, E_U] += q_u * tau
     if drift:
-        q_s = c[SIG_DRIFT] * c[SIG_DRIFT] * 2.0 / c[TAU_DRIFT]
+        q_s = c[SIG_DRIFT] * c[SIG_DRIFT] * 2.0 / c[TAU_DRIFT] * x[WILD]
         for i in range(2):
             P[E_DN + i, E_DN + i] += q_s * tau
             P[E_N + i, E_N + i] += q_s * tau**3 / 3.0
@@ -416,6 +424,7 @@ def flush(x, P, X, c):
         x[i] = 0.0
     x[TC] = x[T]
     refresh_earth(x)
+    refresh_telling(x, c)
 
 
 @njit(cache=True, error_model="numpy")

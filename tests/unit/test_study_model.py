@@ -126,7 +126,10 @@ def test_a_study_cannot_be_changed_by_accident():
     ("section", "keys", "said"),
     [
         ("noise", {"speed_mps": "0.05 kn"}, '[noise] speed_mps: expects a number in m/s; came "0.05 kn"'),
-        ("noise", {"speed_mps": "0.05 kn"}, "type speed_mps = 0.05"),
+        ("noise", {"speed_mps": "0.05 kn"}, "type speed_mps = 0.0257222"),
+        ("noise", {"speed_mps": "0.05 furlong"}, "type speed_mps = 0.05"),
+        ("noise", {"speed_mps": "0.05 m/s"}, "type speed_mps = 0.05"),
+        ("noise", {"speed_mps": "0.05 m"}, "type speed_mps = 0.05"),
         ("noise", {"speed_mps": True}, "came true"),
         ("noise", {"speed_mps": 0.0}, "[noise] speed_mps: must be more than 0 m/s; came 0.0"),
         ("noise", {"sped_mps": 0.1}, "[noise] sped_mps: no such key; did you mean speed_mps? type speed_mps = 0.1"),

@@ -105,6 +105,18 @@ def _number_in(value: Any) -> str | None:
     return None
 
 
+def _converted(value: Any, unit: str) -> str | None:
+    """A number with a unit behind it, such as "0.5 kn", in the unit of its key; None where that cannot be known."""
+    from schuler.ground.units import UNITS, quantity, to_si
+
+    found = (
+        re.fullmatch(r"\s*([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*(\S+)\s*", value) if isinstance(value, str) else None
+    )
+    if found is None or found[2] not in UNITS or unit not in UNITS or quantity(found[2]) != quantity(unit):
+        return None
+    return f"{float(to_si(float(found[1]), found[2])) / float(to_si(1.0, unit)):.6g}"
+
+
 def _type_next(name: str, value: Any, field: Any, shape: str) -> str:
     default = None if field is None or field.is_required() else field.default
     if shape == "three":
@@ -117,7 +129,7 @@ def _type_next(name: str, value: Any, field: Any, shape: str) -> str:
         else:
             sample = _SAMPLE_WORDS.get(name, f'"{value}"' if isinstance(value, int | float) else '"..."')
     else:
-        number = _number_in(value)
+        number = _converted(value, _unit(field)) or _number_in(value)
         sample = number or (typed(default) if isinstance(default, int | float) else "1" if shape == "whole" else "1.0")
     return f"type {name} = {sample}"
 

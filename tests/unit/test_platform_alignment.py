@@ -87,7 +87,7 @@ def test_requirements_met_or_not_and_by_how_much():
 
 
 def test_the_transient_follows_the_linear_design():
-    """Levelling of the whole platform against the loop's own response to a tilt; heading north, so that q is nearly 0."""
+    """Levelling of the whole platform against the loop's own response to a tilt; heading north: q is nearly 0."""
     case = PlatformCase(lat=35.7 * DEG, heading=0.0)
     level, azimuth = alignment.levelling_loop(0.03, 0.8), alignment.azimuth_loop(0.05, 0.8)
     run = alignment.align(case, level, azimuth, 300.0, start=(0.0, 0.01, 0.0))

@@ -325,7 +325,7 @@ def terminal(details: PlatformDetails, name: str) -> list[str]:
             lines.append(f"  {label:31s}{values}")
     a = details.alignment
     lines.append(
-        f"alignment leaves phi_x {a.end.phi_x:.6e}, phi_y {a.end.phi_y:.6e} rad; levelling settles in "
+        f"alignment leaves phi_x {1e3 * a.end.phi_x:.6f}, phi_y {1e3 * a.end.phi_y:.6f} mrad; levelling settles in "
         f"{a.levelling.response().settling_s:.0f} s, azimuth in {a.azimuth.response().settling_s:.0f} s"
     )
     for loop, v in a.verdicts:
@@ -342,8 +342,8 @@ def terminal(details: PlatformDetails, name: str) -> list[str]:
 
 def requirement(loop: Loop, verdict: Verdict) -> str:
     """A requirement and whether it is met, in a line."""
-    word = "met" if verdict.met else "NOT met"
     by = "" if math.isinf(verdict.in_hand) else f" by {abs(verdict.in_hand):.4g} {verdict.unit}"
+    word = "met" if verdict.met else "MISSED"
     value = 0.0 if abs(verdict.reached) < 1e-9 else verdict.reached
     reached = "without limit" if math.isinf(value) else f"{value:.4g} {verdict.unit}"
     return f"{loop.name}: {verdict.what} {reached}, asked {verdict.required:g} {verdict.unit}: {word}{by}"

@@ -352,7 +352,7 @@ def _requirements(view: View) -> list[Grid]:
     for loop, v in _details(view).alignment.verdicts:
         reached = "no limit" if math.isinf(v.reached) else f"{0.0 if abs(v.reached) < 1e-9 else v.reached:.4g} {v.unit}"
         by = "" if math.isinf(v.in_hand) else f" by {abs(v.in_hand):.4g} {v.unit}"
-        rows.append([loop.name, v.what, f"{v.required:g} {v.unit}", reached, ("met" if v.met else "not met") + by])
+        rows.append([loop.name, v.what, f"{v.required:g} {v.unit}", reached, ("met" if v.met else "missed") + by])
         tones.append("" if v.met else "warn")
     head = ["loop", "requirement", "asked", "reached", "verdict"]
     return [Grid(head, rows, "What the study asks of the loops.", left=2, tones=tones)] if rows else []

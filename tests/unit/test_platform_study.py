@@ -1,0 +1,202 @@
+"""Kind "platform": the contract's figures, the page, the examples, and what bad input gets."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from schuler.ground.errors import StudyError
+from schuler.published.platform_figures import RECOMPUTED, TIMES
+from schuler.studies.model import load_study, parse_study
+from schuler.studies.run import run_study
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+FLIGHT = {"motion": "constant-rates", "lat_change_deg": -65.0, "lon_change_deg": 55.0}
+
+
+def study(**platform):
+    return parse_study({"study": {"name": "p", "kind": "platform"}, "platform": platform})
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return run_study(study(**FLIGHT, at_s=list(TIMES)))
+
+
+def test_summary_has_the_contract_s_list(flight):
+    rows = {row["algorithm"]: row for row in flight.summary["platform"]}
+    assert list(rows) == [
+        "position-independent",
+        "free-azimuth",
+        "strapdown",
+        "strapdown-open-loop",
+        "as-published",
+    ]
+    for name, model in (
+        ("position-independent", "pinav_exact"),
+        ("free-azimuth", "free"),
+        ("as-published", "as_published"),
+    ):
+        assert rows[name]["at_s"] == list(TIMES)
+        np.testing.assert_allclose(rows[name]["error_m"], RECOMPUTED["latlon", "both", model], atol=0.01)
+        size = np.hypot(rows[name]["north_m"], rows[name]["east_m"])
+        np.testing.assert_allclose(size, rows[name]["error_m"], rtol=2e-3)
+    json.dumps(flight.summary["platform"], allow_nan=False)
+
+
+def test_the_page_s_sets_hold_each_channel_alone(flight):
+    sets = {s["drift"]: s["algorithms"] for s in flight.summary["platform_drift_sets"]}
+    assert list(sets) == ["none", "channel-1", "channel-3", "all"]
+    np.testing.assert_allclose(sets["channel-3"][1]["error_m"], RECOMPUTED["latlon", "ch3", "free"], atol=0.01)
+    assert max(sets["none"][0]["error_m"]) < 1e-4
+
+
+def test_solution_and_reference_agree_with_the_error(flight):
+    track, truth = flight.navigation.filter, flight.reference
+    R = 6.371e6
+    north = R * (track.lat - truth["lat"])
+    east = (
+        R * np.cos(truth["lat"]) * np.mod(track.lon - truth["lon"] + np.pi, 2 * np.pi)
+        - R * np.cos(truth["lat"]) * np.pi
+    )
+    run = flight.details.main.runs["position-independent"]
+    np.testing.assert_allclose(north, run.north, atol=1e-5)
+    np.testing.assert_allclose(east, run.east, atol=1e-5)
+    # the drift of channel 3 turns what the algorithm believes of the vehicle's heading: 0.1 deg/h over 2 h
+    assert flight.summary["errors"]["filter"]["heading_deg"]["end"] == pytest.approx(0.14, abs=0.03)
+    assert flight.summary["errors"]["filter"]["horizontal_m"]["end"] == pytest.approx(13945.554, abs=0.01)
+    assert np.isnan(track.cov_pos).all()
+
+
+def test_words_say_what_is_equal_and_why(flight):
+    said = " ".join(flight.summary["said"])
+    assert "are the same platform" in said
+    assert "without latitude and longitude" in said
+    assert "not turn it" in said
+    assert "missing feedback" in said
+
+
+def test_folder_and_page(flight, tmp_path):
+    out = flight.write(tmp_path / "out")
+    page = (out / "report.html").read_text(encoding="utf-8")
+    for id in (
+        "fig-journey",
+        "fig-hodograph",
+        "fig-error-all",
+        "fig-tilt",
+        "fig-gimbals",
+        "fig-alignment",
+        "sensitivity",
+    ):
+        assert id in page, id
+    assert "https://" not in page
+    header = (out / "solution.csv").read_text().splitlines()[0]
+    assert header.startswith("time[s],lat[deg],lon[deg],height[m],v_north[m/s]")
+    assert "std_" not in header
+    assert json.loads((out / "summary.json").read_text())["platform"][0]["algorithm"] == "position-independent"
+
+
+def test_output_rate():
+    r = run_study(
+        parse_study(
+            {
+                "study": {"name": "p", "kind": "platform"},
+                "platform": {"duration_s": 60.0, "at_s": [60]},
+                "output": {"rate_hz": 2.0},
+            }
+        )
+    )
+    assert len(r.navigation.filter.time) == 121
+    slow = run_study(
+        parse_study(
+            {"study": {"name": "p", "kind": "platform"}, "platform": {"duration_s": 600.0}, "output": {"rate_hz": 0.05}}
+        )
+    )
+    assert np.allclose(np.diff(slow.navigation.filter.time), 20.0)
+
+
+def test_map_and_ellipsoid_and_walk_and_seed():
+    keys = {
+        "earth": "ellipsoid",
+        "duration_s": 1200.0,
+        "drift_walk_deg_per_h_per_sqrt_h": [0.01, 0.0, 0.1],
+        "drift_deg_per_h": [0.0, 0.0, 0.0],
+        "algorithms": ["free-azimuth", "position-independent"],
+        "map": {"lat_deg": [-80.0, 80.0, 3.0], "heading_deg": [0.0, 90.0, 2.0]},
+    }
+    a, b = run_study(study(**keys), seed=3), run_study(study(**keys), seed=3)
+    c = run_study(study(**keys), seed=4)
+    assert a.summary["platform"] == b.summary["platform"]
+    assert a.summary["platform"] != c.summary["platform"]
+    assert a.made_by["seed"] == 3
+    assert np.array(a.summary["map"][0]["error_m"]).shape == (3, 2)
+    assert a.summary["platform"][0]["algorithm"] == "free-azimuth"
+    # the track is told on the map's latitude, 0.1 deg from the mass latitude
+    assert math.degrees(a.navigation.filter.lat[0]) == pytest.approx(35.794, abs=1e-3)
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("platform-*/study.toml")), ids=lambda p: p.parent.name)
+def test_examples_are_studies(path):
+    loaded = load_study(path)
+    assert loaded.study.kind == "platform"
+    assert loaded.study.name == path.parent.name
+
+
+def test_there_are_four_scenarios_by_three_drifts():
+    names = {p.parent.name for p in EXAMPLES.glob("platform-*/study.toml")}
+    assert {
+        f"platform-{s}-{d}"
+        for s in ("rest", "latitude", "longitude", "both-ways")
+        for d in ("channel-1", "channel-3", "channels-1-and-3")
+    } < names
+
+
+BAD = {
+    "drift of another unit": ({"drift_deg_per_h": [36.0, 0.0, 0.0]}, "0.01 deg/s"),
+    "drift in rad/s": ({"drift_deg_per_h": [4.8e-8, 0.0, 0.0]}, "in rad/s it would be"),
+    "faster than the torquers": ({**FLIGHT, "torquer_limit_deg_per_h": 40.0}, "asks the torquers for"),
+    "over a pole": ({"motion": "constant-rates", "lat_change_deg": 60.0}, "over a pole"),
+    "z not positive": ({"height_m": -7e6}, "type a height above ground"),
+    "rest that moves": ({"lat_change_deg": 5.0}, 'type motion = "constant-rates"'),
+    "ramp too long": ({**FLIGHT, "start_ramp_s": 9000.0}, "does not end before"),
+    "unstable loop": ({"alignment": {"damping": -0.1}}, "unstable: its pole at"),
+    "too much lag": ({"alignment": {"lag_s": 60.0}}, "must stay below"),
+    "time after the end": ({"at_s": [600, 9000]}, "outside the run"),
+    "nothing to run": ({"algorithms": []}, "is empty"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_gets_one_clear_sentence(name):
+    keys, words = BAD[name]
+    with pytest.raises(StudyError) as caught:
+        run_study(study(**keys))
+    assert len(caught.value.faults) == 1
+    assert words in caught.value.faults[0]
+    assert caught.value.faults[0].startswith("[platform")
+
+
+def test_faults_are_told_together():
+    with pytest.raises(StudyError) as caught:
+        run_study(study(drift_deg_per_h=[36.0, 0.0, 0.0], height_m=-7e6, at_s=[1e5]))
+    assert len(caught.value.faults) == 3
+
+
+def test_trusted_units_run():
+    keys = {"drift_deg_per_h": [36.0, 0.0, 0.0], "trust_units": True, "duration_s": 60.0, "at_s": [60]}
+    assert run_study(study(**keys)).summary["platform"][0]["error_m"][0] > 1.0
+
+
+def test_what_is_warned_of():
+    long = run_study(study(duration_s=14400.0, at_s=[14400]))
+    assert any("beyond the linear range" in n for n in long.notes)
+    polar = run_study(study(lat_deg=86.0, duration_s=600.0, at_s=[600]))
+    assert any("direction cosines" in n for n in polar.notes)
+    steep = run_study(study(body_pitch_deg=85.0, duration_s=600.0, at_s=[600]))
+    assert any("middle gimbal reaches 85 deg" in n for n in steep.notes)
+    assert any("compass" in n for n in steep.notes)
+    assert any("not a platform" in n for n in steep.notes)
+    carried = run_study(study(drift_at_switch="carried", duration_s=600.0, at_s=[600]))
+    assert any("drift carried" in n for n in carried.notes)

@@ -21,6 +21,7 @@ __all__ = ["AuvFilter", "AuvSettings", "Measurement", "Start", "navigate"]
 
 Array = NDArray[np.float64]
 SMOOTHER_BYTES = 3e9
+AXES = ("north", "east", "down")
 STATES = (  # name, unit, index in the nominal state, index in the error state
     ("gyro_bias_x", "rad/s", 4, 3),
     ("gyro_bias_y", "rad/s", 5, 4),
@@ -40,6 +41,7 @@ STATES = (  # name, unit, index in the nominal state, index in the error state
 )
 INNOVATIONS = {  # kernel's kind -> name on the page, components, unit
     "position": ("gnss_position", ("north", "east"), "m"),
+    "adrift": ("surface_fix", ("north", "east"), "m"),  # on a surface leg without speed: how it drifts
     "velocity": ("gnss_velocity", ("north", "east"), "m/s"),
     "speed": ("speed", ("axial",), "m/s"),
     "dvl": ("dvl", ("forward", "right"), "m/s"),
@@ -183,7 +185,6 @@ def navigate(tables: Tables, settings: AuvSettings) -> Navigation:
 
     mt, mk, mz, innov = _arrays(measurements[first_m:])
     n_rows, n_m = len(rows) - first_row, len(mt)
-    interval = float(np.median(np.diff(rows[:, 0])))
     if settings.every_epoch or (compass and settings.output_rate is None):
         out_dt, n_out = (-1.0 if compass else 0.0), n_rows + n_m + 1
     else:
@@ -283,7 +284,9 @@ def _innovations(
     found: dict[str, Innovations] = {}
     kinds = np.array([KINDS.index(m.kind) for m in measurements[:done]], dtype=int)
     times = np.array([m.time for m in measurements[:done]])
-    sets = [(kind, times[kinds == i], innov[:done][kinds == i]) for i, kind in enumerate(KINDS)]
+    adrift = innov[:done, 8] > 2.5
+    sets = [(kind, times[(kinds == i) & ~adrift], innov[:done][(kinds == i) & ~adrift]) for i, kind in enumerate(KINDS)]
+    sets.append(("adrift", times[adrift], innov[:done][adrift]))
     sets += [
         (kind, inner_t[i, : counts[i]], inner[i, : counts[i]]) for i, kind in enumerate(("levelling", "magnetometer"))
     ]

@@ -1,4 +1,4 @@
-"""What the AUV filter is told about vehicle and sensors, in SI and radians, and how that becomes the kernel's vector."""
+"""What the AUV filter is told about vehicle and sensors (SI, radians), and how that becomes the kernel's vector."""
 
 from __future__ import annotations
 
@@ -81,9 +81,7 @@ class AuvSettings:
     speed_arm: Vector = (0.0, 0.0, 0.0)
     level_block: float = 10.0
     level_floor: float = 1.5e-3  # m/s^2
-    consider_after: float = (
-        inf  # s without a fix after which levelling leaves heading and its gyro bias alone (Schmidt)
-    )
+    consider_after: float = inf  # s without a fix, then levelling leaves heading and its gyro bias alone (Schmidt)
     gate: bool = True
     gap: float = 60.0
     imu_gap: float = 0.5

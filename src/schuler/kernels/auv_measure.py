@@ -77,9 +77,8 @@ from .auv_state import (
     RN,
     SIG_DRIFT,
     SIG_E,
-    SIN_MIN_PITCH,
     SNIS,
-    SURFACE_M,
+    TELLS,
     TFIX,
     TINFO,
     VHREF,
@@ -95,6 +94,7 @@ from .auv_state import (
     W,
     carry_covariance,
     correct,
+    refresh_telling,
     reset_levelling,
     set_reference,
 )
@@ -189,7 +189,7 @@ def _settle(x, P, c, d):
 
 @njit(cache=True, error_model="numpy")
 def record(out, S, r, m, nis, used):
-    """One row of innovations: value (3), sigma (3), nis, degrees of freedom, used."""
+    """One row of innovations: value (3), sigma (3), nis, degrees of freedom, used (0 no, 1 yes, 2 and 3: see position)."""
     for a in range(3):
         out[a] = -r[a] if a < m else np.nan
         out[3 + a] = math.sqrt(S[a, a]) if a < m else np.nan
@@ -286,6 +286,8 @@ def measure_position(x, P, X, c, lat, lon, height, sn, se, sd, out):
             used = 0.0
     elif x[WILD] > 1.0:
         x[WILD] = max(1.0, 0.9 * x[WILD])
+    if x[DRIFT] > 0.5 and x[T] - x[TFIX] <= c[GAP_S]:
+        used = 3.0  # tells how the surface leg drifts, not how well the dive was navigated
     record(out, S, r, 2, nis, used)
     if used > 0.0:
         apply(x, P, c, H, r, R, 2, np.zeros(N))
@@ -424,8 +426,8 @@ def measure_depth(x, P, X, c, z, s, out):
         x[DRATE] = (z - x[ZD]) / (x[T] - x[ZDT])
     x[ZD] = z
     x[ZDT] = x[T]
-    c00, c01, c02, c10, c11, c12, c20, c21, c22 = dcm_from_quat(x[QUAT], x[QUAT + 1], x[QUAT + 2], x[QUAT + 3])
-    if c[HAS_LOG] < 0.5 and z > c[SURFACE_M] and abs(c20) > SIN_MIN_PITCH and x[DRATE] * c20 > 0.0:
+    refresh_telling(x, c)
+    if x[TELLS] > 0.5 and (c[MODE] > 0.5 or c[HAS_LOG] < 0.5):
         x[TINFO] = x[T]
 
 

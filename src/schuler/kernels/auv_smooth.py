@@ -31,6 +31,7 @@ from .auv_state import (
     QUAT,
     RE,
     RN,
+    SIG_C,
     VHREF,
     VREF,
     N,
@@ -57,6 +58,8 @@ def difference(c, a, b, d):
     d[E_D] = b[HGT] - a[HGT]
     for i in range(E_U, N):
         d[i] = a[i + 1] - b[i + 1]
+    if c[SIG_C] <= 0.0:
+        return
     f0, f1, f2 = turn_error(c, d)
     vn, ve = a[VREF], a[VREF + 1]
     co, si = math.cos(f2), math.sin(f2)

@@ -4,8 +4,8 @@ Nominal state and bookkeeping share one vector x so that a filter is saved and r
 error = estimate - truth, C_hat = (I - [phi x]) C:
 
     phi (3, n) | gyro bias (3) | accelerometer bias (3) | position N, E, D (m) | axial speed u through water |
-    log scale k | current N, E | compass offset m | GNSS correlated error N, E | path scale | DVL scale | surface drift N, E |
-    waves N, N', E, E' (orbital velocity at the surface: a lightly damped oscillator, seen by GNSS velocity and DVL)
+    log scale k | current N, E | compass offset m | GNSS correlated error N, E | path scale | DVL scale |
+    surface drift N, E | waves N, N', E, E' (orbital velocity, a lightly damped oscillator, seen by GNSS and DVL)
 
 Motion: p' = C_nb (u, 0, 0) (1 + path scale) + current below, p' = drift on a surface leg; down: p_D' = -u sin(pitch).
 The path scale is what a path steeper than the pitch (angle of attack) takes off the way over ground. It and k are
@@ -312,7 +312,7 @@ def _bend(x, P, tau, imu):
     """Second order of the heading error in position, which the linear covariance leaves out.
 
     Heading and current learnt together at a fix leave an error only in the way d that differs from going on as then;
-    turned by psi, it errs by psi x d (in P) and by -psi^2 d / 2, whose mean square 3/4 sigma^4 d d' is added as d grows.
+    turned by psi, it errs by psi x d (in P) and by -psi^2 d / 2; that one's mean square 3/4 sigma^4 d d' is added.
     """
     x[DREF] += x[VI] * math.exp(x[KP]) - x[VREF] * tau
     x[DREF + 1] += x[VI + 1] * math.exp(x[KP]) - x[VREF + 1] * tau
@@ -364,7 +364,7 @@ def flush(x, P, X, c):
         dz = x[VI + 2] * c[SHEAR]
         q_c += dz * dz / tau
     q_p = c[Q_POS] * c[Q_POS]
-    q_d = c[Q_DOWN] if x[TELLS] > 0.5 else max(c[Q_DOWN], 0.5)
+    q_d = c[Q_DOWN] if x[TELLS] > 0.5 and not drift else max(c[Q_DOWN], 0.5)
     P[E_N, E_N] += q_p * tau
     P[E_E, E_E] += q_p * tau
     P[E_D, E_D] += q_d * q_d * tau
@@ -462,8 +462,9 @@ def correct(x, c, d):
     vn, ve = x[VREF], x[VREF + 1]
     co, si = math.cos(f2), math.sin(f2)
     x[VREF], x[VREF + 1] = co * vn - si * ve, co * ve + si * vn
-    x[CN] += vn - ve * f2 - x[VREF]
-    x[CE] += ve + vn * f2 - x[VREF + 1]
+    if c[SIG_C] > 0.0:
+        x[CN] += vn - ve * f2 - x[VREF]
+        x[CE] += ve + vn * f2 - x[VREF + 1]
     if imu:
         s0, s1, s2 = x[LS], x[LS + 1], x[LS + 2]
         x[LS] += f1 * s2 - f2 * s1
@@ -484,6 +485,8 @@ def carry_covariance(P, c, tn, te):
 
     The error of that velocity over ground keeps its covariance; the current's is what remains beside the new heading.
     """
+    if c[SIG_C] <= 0.0:
+        return
     h = 2 if c[MODE] < 0.5 else E_M
     for j in range(N):
         p = P[h, j]

@@ -222,8 +222,8 @@ def find_still(time: Array, dtheta: Array, dv: Array, dt: Array, *, shortest: fl
     quiet_w, quiet_f = np.quantile(w_noise, 0.1), np.quantile(f_noise, 0.1)
     mean = rate.mean(axis=1)
     centre = np.median(mean[w_noise <= np.quantile(w_noise, 0.2)], axis=0)
-    still = (w_noise < 3.0 * quiet_w + 2e-3) & (f_noise < 3.0 * quiet_f + 0.02)
-    still &= np.linalg.norm(mean - centre, axis=1) < 3.0 * quiet_w + 5e-3
+    still = (w_noise < min(3.0 * quiet_w + 2e-3, 0.1)) & (f_noise < min(3.0 * quiet_f + 0.02, 2.0))
+    still &= np.linalg.norm(mean - centre, axis=1) < min(3.0 * quiet_w + 5e-3, 0.03)  # rocking is not still
     need = max(1, math.ceil(shortest / (width * float(np.median(dt)))))
     run = 0
     for i in range(n + 1):

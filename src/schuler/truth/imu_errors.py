@@ -97,7 +97,7 @@ def measure(
     limit = model.limit
     plain = not (
         np.any(model.levers) or np.any(g_sens) or model.bandwidth_hz > 0.0
-        or np.any(model.quantum) or np.all(np.isfinite(limit))
+        or np.any(model.quantum) or np.any(np.isfinite(limit))
     )  # fmt: skip
     if plain:  # the short way, the same sums
         dtheta = ideal.dtheta if np.array_equal(M_g, np.eye(3)) else ideal.dtheta @ M_g.T

@@ -96,3 +96,19 @@ print(len(compiled.buffer))
 """
     done = subprocess.run([sys.executable, "-c", use], check=True, env=environment, capture_output=True, text=True)
     assert done.stdout.strip() == "0"
+
+
+def test_a_part_that_is_needed_and_not_compiled_is_asked_for_once(monkeypatch):
+    from schuler.studies import warm
+
+    asked = []
+    monkeypatch.setattr(warm, "_told", set())
+    monkeypatch.setattr(warm, "cold", lambda modules: True)
+    monkeypatch.setattr(warm, "on_cold", None)
+    warm.need("rotation")  # nobody listens
+    monkeypatch.setattr(warm, "on_cold", lambda modules: asked.append(list(modules)))
+    warm.need("rotation", "earth")
+    warm.need("earth", "noise")
+    monkeypatch.setattr(warm, "cold", lambda modules: False)
+    warm.need("mission")
+    assert asked == [["rotation", "earth"], ["noise"]]

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from schuler.cli.screen import compile_if_cold, steps
+from schuler.cli.screen import compile_if_cold, compile_now, steps
 
 DEMO_OUT = Path("demo-result")
+# kernel modules of the kinds that do not say themselves when they need them (studies.warm.need)
+KERNELS = {"platform": ("platform", "platform_alignment")}
 
 
 def demo(out: Path | None, seed: int | None) -> None:
@@ -20,13 +22,15 @@ def demo(out: Path | None, seed: int | None) -> None:
 def run(path: Path, out: Path | None, seed: int | None) -> None:
     """Runs a study file, prints its figures, writes the result folder."""
     from schuler.io.results import check_target
+    from schuler.studies import warm
     from schuler.studies.model import load_study
     from schuler.studies.run import default_out, run_study
     from schuler.studies.told import figures, where
 
     study = load_study(path)
     target = check_target(out if out is not None else default_out(study))  # before the work, not after it
-    compile_if_cold(kernels_of(study.study.kind, simulated=study.mission is not None))
+    warm.on_cold = compile_now
+    compile_if_cold(KERNELS.get(study.study.kind, ()))
     with steps() as progress:
         result = run_study(study, seed=seed, progress=progress)
         lines = figures(result)
@@ -37,9 +41,3 @@ def run(path: Path, out: Path | None, seed: int | None) -> None:
         print(f"note: {note}")
     for line in where(written):
         print(line)
-
-
-def kernels_of(kind: str, *, simulated: bool) -> tuple[str, ...]:
-    """Kernel modules that a kind runs, to know whether they are compiled."""
-    known = {"auv": ("auv_run", "auv_smooth"), "platform": ("platform", "platform_alignment")}
-    return (*known.get(kind, ()), *(("mission", "noise") if simulated and kind == "auv" else ()))

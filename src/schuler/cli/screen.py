@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from schuler.cli import say
@@ -24,12 +24,17 @@ def steps() -> Iterator[Callable[[str], None]]:
         yield lambda step: shown.update(task, description=step)
 
 
-def compile_if_cold(modules: tuple[str, ...]) -> None:
+def compile_if_cold(modules: Sequence[str]) -> None:
     """Compiles kernel modules that are not in numba's cache yet, on all cores, and says so once."""
     from schuler.studies.warm import cold
 
     if cold(modules):
-        say("compiling kernels once (some seconds; later runs start at once) ...")
-        from schuler.studies.precompile import precompile
+        compile_now(modules)
 
-        precompile(modules)
+
+def compile_now(modules: Sequence[str]) -> None:
+    """The same where it is known that they are not there."""
+    from schuler.studies.precompile import precompile
+
+    say("compiling kernels once (some seconds; later runs start at once) ...")
+    precompile(modules)

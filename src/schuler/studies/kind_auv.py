@@ -15,6 +15,7 @@ from schuler.judging.errors import circular, distance, error_series, summary
 from schuler.judging.result import Result
 from schuler.studies.inputs import Inputs, check_gravity, check_overlap, read_tables, to_body, withhold
 from schuler.studies.run import DEFAULT_SEED, Progress, made_by, register
+from schuler.studies.warm import need
 
 if TYPE_CHECKING:
     from schuler.studies.model import OutageSection, Study
@@ -30,6 +31,9 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
 
     check_presets(study)
     simulated = study.mission is not None
+    kernels = ("auv_run", "auv_smooth") if study.filter.method == "schuler" else ("paper",)
+    if simulated:
+        need("mission", "noise", *kernels)
     seed = (DEFAULT_SEED if seed is None else seed) if simulated else None
     inputs = simulate(study, int(seed or 0), progress) if simulated else read_tables(study, progress)
     if not simulated:
@@ -37,6 +41,7 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
     to_body(study, inputs.tables)
     check_gravity(study, inputs.tables)
     tables, withheld, each = withhold(study, inputs)
+    need(*kernels)  # only now: nobody shall wait for a compiler before hearing that a table cannot be used
     progress("navigating")
     navigation = navigate(study, tables, inputs.declination)
     if len(navigation.filter) == 0:

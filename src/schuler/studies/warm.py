@@ -10,6 +10,19 @@ from pathlib import Path
 KERNELS = Path(__file__).resolve().parents[1] / "kernels"
 
 
+# what a program does when kernels that are needed now are not compiled yet; None: numba compiles them when called
+on_cold: Callable[[Sequence[str]], None] | None = None
+_told: set[str] = set()  # modules that on_cold has been called with
+
+
+def need(*modules: str) -> None:
+    """Says that these kernel modules are about to run; where they are not compiled, `on_cold` is called with them."""
+    new = [m for m in modules if m not in _told]
+    if on_cold is not None and new and cold(new):
+        _told.update(new)
+        on_cold(new)
+
+
 def cold(modules: Sequence[str]) -> bool:
     """Whether a kernel module has nothing in numba's cache that is as new as its source. False where one cannot say."""
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):

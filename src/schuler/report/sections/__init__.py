@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from schuler.report.parts import Opening, Section
-from schuler.report.sections import consistency, errors, opening, platform, record, states, track
+from schuler.report.sections import consistency, errors, opening, platform, record, states, strapdown, track
 from schuler.report.view import View
 
 Chapter = Callable[[View], Section | None]
@@ -44,11 +44,32 @@ _PLATFORM: tuple[Chapter, ...] = (
     platform.cite,
 )
 
-CHAPTERS: dict[str, tuple[Chapter, ...]] = {"auv": _AIDED, "aided": _AIDED, "platform": _PLATFORM}
+_STRAPDOWN: tuple[Chapter, ...] = (
+    strapdown.growth,
+    strapdown.table,
+    track.track,
+    errors.position,
+    errors.attitude,
+    errors.velocity,
+    strapdown.floor,
+    consistency.honesty,
+    record.figures_table,
+    record.assumed,
+    record.made,
+    record.cite,
+)
+
+CHAPTERS: dict[str, tuple[Chapter, ...]] = {
+    "auv": _AIDED,
+    "aided": _AIDED,
+    "platform": _PLATFORM,
+    "strapdown": _STRAPDOWN,
+}
 OPENINGS: dict[str, Callable[[View], Opening]] = {
     "auv": opening.aided,
     "aided": opening.aided,
     "platform": platform.opening,
+    "strapdown": strapdown.opening,
 }
 
 

@@ -13,3 +13,11 @@ def data_folder() -> Path:
     if not DATA.is_dir():
         pytest.skip(f"no recordings: {DATA} does not exist")
     return DATA
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Once, before any test process runs: no kernel is called in the form that an older source gave it."""
+    if not hasattr(config, "workerinput"):
+        from schuler.studies.cache import drop_stale
+
+        drop_stale()

@@ -7,6 +7,8 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from schuler.studies.cache import drop_stale
+
 KERNELS = Path(__file__).resolve().parents[1] / "kernels"
 
 
@@ -24,9 +26,13 @@ def need(*modules: str) -> None:
 
 
 def cold(modules: Sequence[str]) -> bool:
-    """Whether a kernel module has nothing in numba's cache that is as new as its source. False where one cannot say."""
+    """Whether a kernel module has nothing in numba's cache that is as new as its source. False where one cannot say.
+
+    What is there from older sources is thrown away first.
+    """
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return False
+    drop_stale()
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     folder = Path(chosen) if chosen else KERNELS / "__pycache__"
     if not chosen and not os.access(KERNELS, os.W_OK):

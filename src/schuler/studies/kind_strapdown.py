@@ -18,7 +18,7 @@ from schuler.ground.earth import WGS84, Ellipsoid
 from schuler.ground.errors import InputError, StudyError
 from schuler.ground.tables import Table
 from schuler.judging import consistency
-from schuler.judging.errors import circular, distance, error_series, summary
+from schuler.judging.errors import circular, distance, error_series, spread, summary
 from schuler.judging.result import Result
 from schuler.studies.inputs import check_gravity, check_overlap, read_tables, to_body
 from schuler.studies.run import DEFAULT_SEED, Progress, made_by, register
@@ -62,6 +62,8 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
     navigation = Navigation(Solution(track.time, track.lat, track.lon, track.height, track.v_n, track.rpy, *cov))
     progress("judging")
     notes = [*done.notes, *track.notes, *unread(study)]
+    if done.earth is not WGS84 and simulated:
+        notes.append("the figures of position error are drawn in metres of WGS-84, the numbers are of the sphere: 0.3 %")
     made = made_by(study, seed)
     return Result(
         study=study,
@@ -462,6 +464,10 @@ def judged(study: Study, made: dict[str, Any], navigation: Navigation, done: Run
     reference = done.reference
     arm = study.mounting.reference_frd_m
     series = error_series(navigation.filter, reference, arm) if reference is not None else None
+    errors = summary(series)
+    grown = [done.truth_states.get(f"error_{p}") for p in PAIRS]
+    if errors and grown[0] is not None and grown[1] is not None:  # in metres of the study's own Earth, sphere or not
+        errors["horizontal_m"] = spread(np.hypot(grown[0][1], grown[1][1]))
     track = navigation.filter
     lat, lon = (reference["lat"], reference["lon"]) if reference is not None else (track.lat, track.lon)
     return {
@@ -470,7 +476,7 @@ def judged(study: Study, made: dict[str, Any], navigation: Navigation, done: Run
         "method": "strapdown",
         "duration_s": float(track.time[-1] - track.time[0]),
         "distance_m": distance(lat, lon),
-        "errors": {"filter": summary(series), "smoother": None},
+        "errors": {"filter": errors, "smoother": None},
         "circular": {"filter": None if series is None else circular(series.horizontal), "smoother": None},
         "consistency": consistency.consistency(series, navigation.innovations),
         "outages": [],

@@ -278,3 +278,23 @@ def _demo() -> Work:
     with as_file(files("schuler.studies") / "demo.toml") as path:
         study = load_study(path)
     return lambda: page(run_study(study))
+
+
+@task("platform study, five algorithms, each drift alone and together, 2 h, with page", "runs/s", 1, repeats=5)
+def _platform() -> Work:
+    from schuler.report.page import page
+    from schuler.studies.model import parse_study
+    from schuler.studies.run import run_study
+
+    flight = {"motion": "constant-rates", "lat_change_deg": -65.0, "lon_change_deg": 55.0}
+    study = parse_study({"study": {"name": "bench", "kind": "platform"}, "platform": flight})
+    return lambda: page(run_study(study))
+
+
+@task("platform map, cases of 2 h", "cases/s", 60 * 72, repeats=3)
+def _platform_map() -> Work:
+    from schuler.inertial.platform import PlatformCase, error_map
+
+    case = PlatformCase(lat=0.0, drift=(4.8e-8, 0.0, 4.8e-7))
+    lat, heading = np.linspace(-1.48, 1.48, 60), np.linspace(0.0, 6.2, 72)
+    return lambda: error_map(case, lat, heading, "position-independent")

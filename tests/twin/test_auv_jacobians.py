@@ -311,7 +311,7 @@ def test_magnetometer():
     assert np.abs(H[0, :2]).max() > 0.5  # a steep field makes tilt look like heading
 
 
-# --- the transition -----------------------------------------------------------------------------------------------------
+# --- the transition ---------------------------------------------
 
 
 def moved(x, c, mode, tau, steps=10):
@@ -366,7 +366,7 @@ def test_transition_without_log_and_slope(mode):
     assert np.array_equal(Phi[k.E_D], np.eye(k.N)[k.E_D])
 
 
-# --- corrections and differences ----------------------------------------------------------------------------------------
+# --- corrections and differences ---------------------------------------------
 
 
 def random_error(rng, scale=1.0):

@@ -141,3 +141,48 @@ def test_accelerometer_errors_in_first_order_theory():
             linear = theory.first_order(case, tilted=tilted)
             off = np.hypot(run.north - linear.north, run.east - linear.east).max()
             assert off < 2e-3 * run.error.max(), (change, algorithm)
+
+
+def test_sensitivities_are_pitman_s_rows():
+    """Metres per unit from central differences of the simulation, at rest, psi_0 = 0, against the formulas."""
+    case = PlatformCase(lat=LAT, heading=0.0)
+    at = np.array([1800.0, 3600.0])
+    table = {name: m for name, _, m in inertial.sensitivity(case, "free-azimuth", at=tuple(at))}
+    speed = RADIUS * inertial.OMEGA * math.cos(LAT)
+    expected = {
+        "tilt at the start about axis 1": theory.pitman(2, at, 1e-4),
+        "gyro drift, axis 1": theory.pitman(4, at, B1),
+        "gyro drift, axis 3 (azimuth)": theory.pitman(5, at, B1, speed),
+        "velocity at the start along axis 1": theory.pitman(6, at, 0.1),
+        "azimuth at the start (gimbal bias)": theory.pitman(7, at, 1e-3, speed),
+    }
+    for name, values in expected.items():
+        np.testing.assert_allclose(table[name], np.abs(values), rtol=0.01, err_msg=name)
+    assert table["z of the commands, R_GMM/z - 1"].max() < 1e-6
+
+
+def test_first_order_theory_adds_up():
+    """Linear: channels, biases and signs superpose."""
+    base = PlatformCase(lat=LAT, heading=0.5, lon_change=30 * DEG)
+    one = theory.first_order(replace(base, drift=(B1, 0.0, 0.0)))
+    two = theory.first_order(replace(base, drift=(0.0, 0.0, B3)))
+    both = theory.first_order(replace(base, drift=(B1, 0.0, B3)))
+    rotation = slice(8, 11)  # E, rad, of the states; north and east are the position's, with its curvature
+    np.testing.assert_allclose(both.states[:, rotation], (one.states + two.states)[:, rotation], atol=1e-12)
+    assert np.abs(both.states[-1, rotation]).max() > 1e-4
+
+
+def test_drift_ramp_and_walk():
+    """A ramp of channel 1 against its own quadrature of (32); a walk has the spread it is given."""
+    case = PlatformCase(lat=LAT, heading=math.pi, drift_ramp=(B1 / 3600.0, 0.0, 0.0), duration=1800.0)
+    run = inertial.navigate(case, "free-azimuth")
+    w = theory.level_rate(LAT)
+    t = 1800.0
+    expected = RADIUS * B1 / 3600.0 * (t * t / 2.0 - (1.0 - math.cos(w * t)) / w**2)
+    assert run.error[-1] == pytest.approx(expected, rel=2e-3)
+    time = inertial.nodes(PlatformCase(lat=LAT), 20.0)
+    rng = np.random.default_rng(7)
+    ends = np.array([inertial.drift_walk(time, (1e-9, 0.0, 2e-9), rng)[-1] for _ in range(400)])
+    assert ends[:, 0].std() == pytest.approx(1e-9 * math.sqrt(7200.0), rel=0.16)  # four sigma
+    assert ends[:, 2].std() == pytest.approx(2e-9 * math.sqrt(7200.0), rel=0.16)
+    assert not ends[:, 1].any()

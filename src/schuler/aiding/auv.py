@@ -262,7 +262,7 @@ def _until_started(nav: AuvFilter, rows: Array, measurements: list[Measurement])
 
 def _solution(ox: Array, pos: Array, vel: Array, att: Array) -> Solution:
     from schuler.ground.frames import dcm_from_quat, euler_from_dcm
-    from schuler.kernels.auv_run import OUT_DRIFT, OUT_T
+    from schuler.kernels.auv_run import OUT_DRIFT, OUT_T, OUT_TELLS
     from schuler.kernels.auv_state import CN, DE, DN, HGT, KP, LAT, LON, U, W
 
     C_nb = dcm_from_quat(ox[:, 0:4])
@@ -271,7 +271,7 @@ def _solution(ox: Array, pos: Array, vel: Array, att: Array) -> Solution:
     v_n = forward * np.exp(ox[:, KP : KP + 1])
     v_n[:, 0] += ox[:, CN] + ox[:, W]
     v_n[:, 1] += ox[:, CN + 1] + ox[:, W + 2]
-    v_n[:, 2] = forward[:, 2]
+    v_n[:, 2] = forward[:, 2] * ox[:, OUT_TELLS]
     drift = ox[:, OUT_DRIFT] > 0.5
     v_n[drift] = np.column_stack([ox[drift, DN], ox[drift, DE], np.zeros(int(drift.sum()))])
     rpy = np.column_stack([roll, pitch, heading])

@@ -419,7 +419,7 @@ class AuvFilter:
             f = w.force / max(w.weight, 1e-9)
             roll = math.atan2(-f[1], -f[2])
             pitch = math.atan2(f[0], math.hypot(f[1], f[2]))
-            std_level = math.radians(3.0)
+            std_level = math.radians(6.0)  # a vehicle under way may have been accelerating
             if st.roll is not None:
                 roll = st.roll
             if st.pitch is not None:

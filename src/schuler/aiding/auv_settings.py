@@ -79,8 +79,8 @@ class AuvSettings:
     antenna: Vector = (0.0, 0.0, 0.0)
     dvl_arm: Vector = (0.0, 0.0, 0.0)
     speed_arm: Vector = (0.0, 0.0, 0.0)
-    level_block: float = 10.0
-    level_floor: float = 1.5e-3  # m/s^2
+    level_block: float | None = None  # s; None: two periods of the waves, at least 3
+    level_floor: float = 1e-3  # m/s^2
     consider_after: float = inf  # s without a fix, then levelling leaves heading and its gyro bias alone (Schmidt)
     gate: bool = True
     gap: float = 60.0
@@ -119,7 +119,9 @@ def configuration(s: AuvSettings, *, compass: bool, has_log: bool, has_depth: bo
     c[k.SHEAR] = s.current_shear if s.current_std > 0.0 else 0.0
     c[k.SIG_TILT], c[k.SIG_HEAD], c[k.HEAD_TAU] = s.attitude_std[0], s.attitude_std[2], s.attitude_tau
     c[k.WAVE], c[k.WAVE_W] = s.wave_std, 2.0 * pi / s.wave_period
-    c[k.LEVEL_S], c[k.LEVEL_FLOOR] = s.level_block, s.level_floor
+    block = max(3.0, 2.0 * s.wave_period) if s.wave_std > 0.0 else 3.0
+    c[k.LEVEL_S] = s.level_block if s.level_block is not None else block
+    c[k.LEVEL_FLOOR] = s.level_floor
     c[k.MAG_STD], c[k.DECLINATION] = s.mag_std, s.declination
     c[k.ANT : k.ANT + 3] = s.antenna
     c[k.DVL : k.DVL + 3] = s.dvl_arm

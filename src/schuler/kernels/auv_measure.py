@@ -189,7 +189,7 @@ def _settle(x, P, c, d):
 
 @njit(cache=True, error_model="numpy")
 def record(out, S, r, m, nis, used):
-    """One row of innovations: value (3), sigma (3), nis, degrees of freedom, used (0 no, 1 yes, 2 and 3: see position)."""
+    """One row of innovations: value (3), sigma (3), nis, degrees of freedom, used (0 no; 2, 3: see position)."""
     for a in range(3):
         out[a] = -r[a] if a < m else np.nan
         out[3 + a] = math.sqrt(S[a, a]) if a < m else np.nan
@@ -492,7 +492,7 @@ def measure_level(x, P, X, c, out):
     cross[0, 1] = 0.5 * walk / f_d
     cross[1, 0] = -0.5 * walk / f_d
     R = np.zeros(2)
-    R[0] = 2.0 * (wobble + P[E_U, E_U]) / (t * t) + c[LEVEL_FLOOR] * c[LEVEL_FLOOR] + walk / 3.0
+    R[0] = max(2.0 * wobble, P[E_U, E_U]) / (t * t) + c[LEVEL_FLOOR] * c[LEVEL_FLOOR] + walk / 3.0
     R[1] = R[0]
     S = innovation_covariance(P, H, R, 2)
     for a in range(2):

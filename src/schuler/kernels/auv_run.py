@@ -36,6 +36,7 @@ from .auv_state import (
     SIG_HEAD,
     SIG_TILT,
     TC,
+    TELLS,
     TNODE,
     VHREF,
     N,
@@ -46,9 +47,10 @@ from .auv_state import (
 )
 from .rotation import euler_from_quat
 
+SIG_FREE_DOWN = 0.3  # m/s, of the vertical velocity where nothing tells it
 POSITION, VELOCITY, SPEED, BOTTOM_TRACK, DEPTH, LEVELLING, MAGNETOMETER = range(7)
 INNOVATION = 9  # value (3), sigma (3), nis, degrees of freedom, used
-OUT_T, OUT_DRIFT, OUT_VHREF, OUT = NOMINAL, NOMINAL + 1, NOMINAL + 2, NOMINAL + 3  # columns of a solution row
+OUT_T, OUT_DRIFT, OUT_VHREF, OUT_TELLS, OUT = NOMINAL, NOMINAL + 1, NOMINAL + 2, NOMINAL + 3, NOMINAL + 4  # of a row
 
 
 @njit(cache=True, error_model="numpy")
@@ -112,6 +114,8 @@ def covariances(x, P, c, pos, vel, att):
     pos[2, 2] = P[E_D, E_D] + x[VHREF]
     H = np.zeros((3, N))
     vn, ve, vd = velocity_rows(x, c, H)
+    if x[TELLS] < 0.5:
+        H[2, :] = 0.0
     for a in range(3):
         for b in range(3):
             v = 0.0
@@ -121,6 +125,8 @@ def covariances(x, P, c, pos, vel, att):
                         if H[b, j] != 0.0:
                             v += H[a, i] * P[i, j] * H[b, j]
             vel[a, b] = v
+    if x[TELLS] < 0.5:
+        vel[2, 2] = SIG_FREE_DOWN * SIG_FREE_DOWN
     att[:, :] = 0.0
     if c[MODE] > 0.5:
         s2 = c[SIG_HEAD] * c[SIG_HEAD]
@@ -161,6 +167,7 @@ def emit(x, P, X, c, ox, opos, ovel, oatt, i):
     ox[i, OUT_T] = x[T]
     ox[i, OUT_DRIFT] = x[DRIFT]
     ox[i, OUT_VHREF] = x[VHREF]
+    ox[i, OUT_TELLS] = x[TELLS]
     if x[TC] < x[T]:
         y, Q, Y = x.copy(), P.copy(), X.copy()
         flush(y, Q, Y, c)

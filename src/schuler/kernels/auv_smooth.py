@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
-from .auv_run import OUT, OUT_DRIFT, OUT_T, OUT_VHREF, covariances
+from .auv_run import OUT, OUT_DRIFT, OUT_T, OUT_TELLS, OUT_VHREF, covariances
 from .auv_state import (
     CLAT,
     DRIFT,
@@ -32,6 +32,7 @@ from .auv_state import (
     RE,
     RN,
     SIG_C,
+    TELLS,
     VHREF,
     VREF,
     N,
@@ -168,6 +169,7 @@ def emit_smoothed(no, nn, c, ox, nt, ux, uP, dpre, dpost, sx, spos, svel, satt):
             y[j] = ox[r, j]
         y[DRIFT] = ox[r, OUT_DRIFT]
         y[VHREF] = ox[r, OUT_VHREF]
+        y[TELLS] = ox[r, OUT_TELLS]
         refresh_earth(y)
         if nn < 2 or t <= nt[0]:
             j0, j1, w = 0, 0, 0.0

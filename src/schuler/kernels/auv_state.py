@@ -116,11 +116,13 @@ def _move(x, c00, c10, c20, dt):
 def refresh_telling(x, c):
     """Depth tells the speed only where the path is steep and pitch and depth rate agree (else: apogee, flare, surface).
 
-    A vehicle with IMU and log knows its speed anyway: there the vertical motion always follows the pitch.
+    A vehicle with IMU, log and depth knows its speed anyway: there the vertical motion always follows the pitch.
+    Without a depth sensor it never does: how the IMU is pitched in a car is not known.
     """
     c00, c10, c20 = forward_axis(x)
     steep = abs(c20) > SIN_MIN_PITCH and x[DRATE] * c20 > 0.0 and x[ZD] > c[SURFACE_M]
-    x[TELLS] = 1.0 if steep or (c[MODE] < 0.5 and c[HAS_LOG] > 0.5) else 0.0
+    always = c[MODE] < 0.5 and c[HAS_LOG] > 0.5
+    x[TELLS] = 1.0 if c[HAS_DEPTH] > 0.5 and (steep or always) else 0.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -193,9 +195,11 @@ def advance_imu(x, P, X, c, t1, gx, gy, gz, fx, fy, fz, has_mag, mx, my, mz):
         an = c00 * ax + c01 * ay + c02 * az
         ae = c10 * ax + c11 * ay + c12 * az
         ad = c20 * ax + c21 * ay + c22 * az
+        # What the force has integrated to beside the known change of velocity: its wobble weighs the block.
         t = x[LT] + h
-        vn = x[LS] + an * h
-        ve = x[LS + 1] + ae * h
+        u = x[U] * math.exp(x[KP])
+        vn = x[LS] + an * h - (c00 * u - x[LV0])
+        ve = x[LS + 1] + ae * h - (c10 * u - x[LV0 + 1])
         x[LSV] += vn * dt
         x[LSV + 1] += ve * dt
         x[LSVV] += vn * vn * dt

@@ -1,6 +1,6 @@
 """Rotations as compiled scalar code: quaternions scalar first, q_nb takes b to n; C stored row by row.
 
-Source: Groves (2013), Principles of GNSS, Inertial, and Multisensor Integrated Navigation Systems, sections 2.2 and 5.5.
+Source: Groves (2013), Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems, sections 2.2, 5.5.
 """
 
 from __future__ import annotations

@@ -149,6 +149,10 @@ def test_bad_cases_are_refused_in_words():
         PlatformCase(lat=0.1, z_scale=0.0)
     with pytest.raises(InputError, match="duration"):
         PlatformCase(lat=0.1, duration=0.0)
+    with pytest.raises(InputError, match=r"lost its position \d+ s on"):
+        inertial.navigate(PlatformCase(lat=0.1, accel_bias=(20.0, 0.0)))
+    with pytest.raises(InputError, match="lost its position in a case of the map"):
+        inertial.errors_of([PlatformCase(lat=0.1, accel_bias=(20.0, 0.0))], "strapdown", "exact", (60.0,))
     with pytest.raises(InputError, match="no algorithm"):
         inertial.navigate(PlatformCase(lat=0.1), "free-heading")
     with pytest.raises(InputError, match="no form"):

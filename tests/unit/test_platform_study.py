@@ -164,6 +164,7 @@ BAD = {
     "unstable loop": ({"alignment": {"damping": -0.1}}, "unstable: its pole at"),
     "too much lag": ({"alignment": {"lag_s": 60.0}}, "must stay below"),
     "time after the end": ({"at_s": [600, 9000]}, "outside the run"),
+    "a bias of two g": ({"accel_bias_ug": [2e6, 0.0]}, "millionths of g"),
     "nothing to run": ({"algorithms": []}, "is empty"),
 }
 

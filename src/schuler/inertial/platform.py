@@ -32,6 +32,7 @@ ALGORITHMS = ("position-independent", "free-azimuth", "strapdown", "strapdown-op
 FORMS = ("exact", "corrected", "literal")
 ANGLE_LIMIT = math.radians(80.0)  # beyond, latitude and longitude give way to direction cosines
 RAMP_STEPS = 400.0  # RK4 misses a quintic ramp to the speed v by v/4 over the fourth power of this
+MOST_NODES = 40000
 STEP = 5.0  # s; the drift-free exact form stays below 1e-5 m in 2 h of fast flight
 
 
@@ -243,7 +244,11 @@ def truth_of(case: PlatformCase, time: ArrayLike) -> PlatformTruth:
 
 
 def nodes(case: PlatformCase, step: float = STEP, at: Sequence[float] = ()) -> Array:
-    """Times of the integration, s: at most `step` apart, finer in a start ramp, with every time of `at` among them."""
+    """Times of the integration, s: at most `step` apart (more where there would be too many), finer in a start ramp.
+
+    Every time of `at` within the run is among them.
+    """
+    step = max(step, case.duration / MOST_NODES)
     marks = {0.0, case.duration, *(float(t) for t in at if 0.0 < t < case.duration)}
     if case.start_ramp > 0.0:
         marks.add(case.start_ramp)
@@ -319,11 +324,9 @@ def navigate(
             f"{algorithm}: the path comes within {math.degrees(math.pi / 2 - ANGLE_LIMIT):.0f} deg of a pole, where "
             "longitude and psi turn too fast to be states; direction cosines were used instead."
         )
-    if not np.isfinite(run.error).all():
-        raise InputError(
-            f"{algorithm} has lost its position (not a number) {t[int(np.argmin(np.isfinite(run.error)))]:.0f} s on: "
-            "the errors put in are too large for it; are their units those that the names say?"
-        )
+    lost = ~np.isfinite(e).all(axis=1)
+    if lost.any():
+        raise InputError(f"{algorithm} has lost its position {t[int(np.argmax(lost))]:.0f} s on: {_TOO_LARGE}")
     return run
 
 
@@ -344,6 +347,8 @@ def errors_of(
     keep[wanted] = True
     out = np.empty((len(cases), int(keep.sum()), 3))
     k.ensemble(code_of(algorithm, form, True), np.array([c.vector for c in cases]), t, keep, out)
+    if not np.isfinite(out).all():
+        raise InputError(f"{algorithm} has lost its position in a case of the map: {_TOO_LARGE}")
     order = {j: i for i, j in enumerate(sorted(set(wanted)))}
     return out[:, [order[j] for j in wanted], :]
 
@@ -354,6 +359,9 @@ def error_map(
     """(len(lat), len(heading), len(at)) great-circle error, m, over start latitude and platform heading, rad."""
     cases = [replace(case, lat=float(a), heading=float(h)) for a in lat for h in heading]
     return errors_of(cases, algorithm, form, at)[:, :, 0].reshape(len(lat), len(heading), len(at))
+
+
+_TOO_LARGE = "the errors put in are too large for it; are they in the units that their names say?"
 
 
 # --- what the gimbals see ---------------------------------------------------------------------------------------------

@@ -87,8 +87,8 @@ def _channel_1(sets: dict[tuple[str, str], DriftSet]) -> list[Row]:
             Row(
                 SOURCE, "figures 6-8, channel 1", quantity,
                 "m", None, model, REPRODUCED if model * sign > 0.0 else CORRECTED,
-                "Sign as published against the source's own error model; it comes from the isotropic stiffness of (28). "
-                f"Two real platforms differ by {plant:+.2f} m.",
+                "Sign as published against the source's own error model; it comes from the isotropic stiffness of "
+                f"(28). Two real platforms differ by {plant:+.2f} m.",
             )
         )  # fmt: skip
     return found
@@ -107,9 +107,9 @@ def _channel_3(sets: dict[tuple[str, str], DriftSet]) -> list[Row]:
             Row(
                 SOURCE, where, f"proposed, {_NAMES[scenario]}: bounded", "m",
                 run.largest(PUBLISHED), run.largest(PI), NOT_REPRODUCIBLE,
-                "Not reproducible: the drift turns the platform, the algorithm does not know its heading, and the error "
-                f"grows to that of free azimuth (at most {run.apart(PI, FREE):.0f} m apart). The bounded curve is "
-                "reproduced only with a heading that the drift does not turn (published: that model's largest error).",
+                "Not reproducible: the drift turns the platform, the algorithm does not know its heading, and the "
+                f"error grows to that of free azimuth (at most {run.apart(PI, FREE):.0f} m apart). The bounded curve "
+                "is reproduced only with a heading that the drift does not turn (published: its largest error).",
             )
         )  # fmt: skip
         cross = run.crossover(FREE, PUBLISHED) or math.nan

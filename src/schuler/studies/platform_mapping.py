@@ -17,6 +17,7 @@ DEG_H = DEG / 3600.0
 UG = 9.80665e-6
 _LARGE_DRIFT = 10.0  # deg/h; a platform gyro has 0.001 to 1
 _SMALL_DRIFT = 1e-6  # deg/h; what rad/s typed as deg/h looks like
+_LARGE_BIAS = 1e5  # ug, 0.1 g; a platform's accelerometers have 1 to 1000 ug
 _LINEAR_S = 3.0 * 3600.0
 _LINEAR_TURN = 0.02  # rad by which a drift may turn the platform before second order shows
 
@@ -31,6 +32,12 @@ def section_of(study: Study) -> PlatformSection:
 def check(p: PlatformSection) -> None:
     """StudyError with every fault of the section."""
     faults = [*_drift_faults(p), *_motion_faults(p), *_loop_faults(p)]
+    faults += [
+        f"[platform] accel_bias_ug: {bias:g} ug is {bias * 1e-6:.3g} g; a platform's accelerometers have 1 to 1000 ug. "
+        "Type the bias in millionths of g"
+        for bias in p.accel_bias_ug
+        if abs(bias) > _LARGE_BIAS
+    ]
     if not p.algorithms:
         faults.append('[platform] algorithms: is empty; type algorithms = ["position-independent", "free-azimuth"]')
     if "at_s" in p.model_fields_set:

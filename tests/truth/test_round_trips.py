@@ -67,7 +67,7 @@ def test_three_g_manoeuvres_return_to_a_millimetre_at_100_hz() -> None:
 
 @pytest.mark.parametrize(("coning", "order"), [("one", 3), ("two", 4), ("pair", 4), ("three", 4)])
 def test_the_error_of_manoeuvres_falls_with_the_order_of_the_scheme(coning: str, order: int) -> None:
-    """Previous increments kept: one leaves dt^3 in large turns, two dt^4, three dt^5 and better; pairs dt^4."""
+    """Previous increments kept: one leaves dt^3 in large turns, two dt^4, three better still; pairs dt^4."""
     path = three_g()
     rates = np.array([12.5, 25.0, 50.0])
     miss = []
@@ -196,4 +196,5 @@ def test_the_numerical_floor_of_every_scheme_against_rate() -> None:
     for coning in ("none", "one", "two", "three", "pair"):
         assert floor[coning, 25.0] > floor[coning, 100.0] > floor[coning, 400.0]
     assert floor["three", 100.0] < floor["two", 100.0] < floor["one", 100.0] < floor["none", 100.0]
-    assert floor["three", 400.0] < 1e-5
+    assert floor["three", 100.0] < 1e-4
+    assert floor["three", 400.0] < 2e-6

@@ -5,8 +5,9 @@ at a pole or at 180 deg); e Earth-fixed. SI and radians.
 
 One step takes the exact integrals of body rate and specific force over the interval, dtheta (rad) and dv (m/s).
 The pair (rate, force) = A(s) = A0 + A1 s + A2 s^2 about the middle of an interval of length h acts as a twist on
-(attitude, velocity), with the bracket [(w, f), (x, g)] = (w x x, w x g + f x x). With D = (dtheta, dv), B = A1 h^2 and
-E = A2 h^3 the Magnus series gives the twist of the whole interval,
+(attitude, velocity), with the bracket [(w, f), (x, g)] = (w x x, w x g + f x x). With D = (dtheta, dv), B = 12/h times
+the first moment of A about the middle (A1 h^2 to begin with) and E = A2 h^3 the Magnus series gives the twist of the
+whole interval,
 
     (phi, u) = D + [D, B]/12 + [B, E/360 - [D, B]/240] + [D, [D, E/360 - [D, B]/720]] + O(h^7)
     q <- q exp(phi),  v <- v + C (I + (1 - cos)/phi^2 [phi x] + (phi - sin)/phi^3 [phi x]^2) u + ...
@@ -27,7 +28,7 @@ from numba import njit
 NONE = 0  # neither coning nor sculling
 ONE = 1  # this and the previous increment: dt^4 for pure coning, dt^3 in large turns
 TWO = 2  # this and the two previous increments: dt^4 in any motion
-THREE = 3  # this and the three previous ones, all brackets: dt^5 (uneven intervals fall back to TWO)
+THREE = 3  # this and the three previous ones, all brackets: above dt^4 (uneven intervals fall back to TWO)
 PAIR = 4  # two increments at a time, no memory: dt^4; half as many epochs
 
 # Vertical channel.
@@ -45,7 +46,7 @@ EARTH = 8
 # Raw row: quaternion w<-b, velocity w, quaternion e<-w, height.  NED row: lat, lon, height, v_n (3), q_nb (4).
 RAW = 12
 NED = 10
-R7_24, R240, R720 = 7.0 / 24.0, 1.0 / 240.0, 1.0 / 720.0
+R19_60, R240, R720 = 19.0 / 60.0, 1.0 / 240.0, 1.0 / 720.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -175,19 +176,19 @@ def run(state, earth, dtheta, dv, dt, scheme, vertical, height, v_down, gains, e
         s2 = m0 * f2 + m1 * u12 + m2 * u22
         s3 = m0 * f3 + m1 * u13 + m2 * u23
         if full:
-            # third difference, and E from it and the second
+            # third difference into B, and E from it and the second
             x1 = t1 - t31 + 3.0 * (t21 - t11)
             x2 = t2 - t32 + 3.0 * (t22 - t12)
             x3 = t3 - t33 + 3.0 * (t23 - t13)
             y1 = f1 - u31 + 3.0 * (u21 - u11)
             y2 = f2 - u32 + 3.0 * (u22 - u12)
             y3 = f3 - u33 + 3.0 * (u23 - u13)
-            w1 += R7_24 * x1
-            w2 += R7_24 * x2
-            w3 += R7_24 * x3
-            s1 += R7_24 * y1
-            s2 += R7_24 * y2
-            s3 += R7_24 * y3
+            w1 += R19_60 * x1
+            w2 += R19_60 * x2
+            w3 += R19_60 * x3
+            s1 += R19_60 * y1
+            s2 += R19_60 * y2
+            s3 += R19_60 * y3
             x1 = R720 * (x1 + t1 - 2.0 * t11 + t21)
             x2 = R720 * (x2 + t2 - 2.0 * t12 + t22)
             x3 = R720 * (x3 + t3 - 2.0 * t13 + t23)

@@ -76,6 +76,9 @@ def test_words_say_what_is_equal_and_why(flight):
     assert "without latitude and longitude" in said
     assert "not turn it" in said
     assert "missing feedback" in said
+    assert "first-order theory about its own axes" in said
+    kinds = {(row["drift"], row["kind"]) for row in flight.summary["theory"]}
+    assert ("all", "first order") in kinds
 
 
 def test_folder_and_page(flight, tmp_path):

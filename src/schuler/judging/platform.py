@@ -20,6 +20,7 @@ from schuler.inertial.platform_alignment import AlignmentRun, EndValues, Jump, L
 
 Array = NDArray[np.float64]
 SIZE = "closed form of the size"
+TILTED = "first order, tilted axes"
 PI, FREE, SD, OPEN, PUBLISHED = (
     "position-independent",
     "free-azimuth",
@@ -31,7 +32,8 @@ PI, FREE, SD, OPEN, PUBLISHED = (
 
 @dataclass
 class Curve:
-    """A theory's error over time: north, east, m. kind : "closed form", "first order" or `SIZE` (no direction)."""
+    """A theory's error over time: north, east, m. kind : "closed form", "first order", `TILTED` (of the
+    position-independent platform, whose axes stand off the vertical) or `SIZE` (no direction)."""
 
     label: str
     kind: str
@@ -163,6 +165,9 @@ def curves(
     """First-order theory along the path, and the closed forms where the vehicle rests and nothing else is wrong."""
     first = navigate(case, "first-order", time=time, walk=walk)
     found = [Curve("first-order theory of any r = 0 platform", "first order", time, first.north, first.east)]
+    if PI in runs and runs[PI].form == "exact":
+        own = navigate(case, "first-order-tilted", time=time, walk=walk)
+        found.append(Curve("first-order theory about its own axes", TILTED, time, own.north, own.east))
     rests = case.lat_change == 0.0 and case.lon_change == 0.0
     alone = replace(case, drift=(0.0, 0.0, 0.0)).without_errors() == replace(case, drift=(0.0, 0.0, 0.0))
     if not rests or not alone or len(channels) != 1 or walk is not None:
@@ -233,7 +238,8 @@ def equalities(details: PlatformDetails) -> list[str]:
                 )
             )
         for curve in found.curves:
-            against = PUBLISHED if "tilt part only" in curve.label else FREE if FREE in runs else PI
+            against = FREE if FREE in runs else PI
+            against = PUBLISHED if "tilt part only" in curve.label else PI if curve.kind == TILTED else against
             if against in runs:
                 run = runs[against]
                 gap = np.hypot(run.north - curve.north, run.east - curve.east)

@@ -18,7 +18,7 @@ from schuler.report.view import View
 Array = NDArray[np.float64]
 DEG = math.pi / 180.0
 COLOR = {PI: FILTER, FREE: SMOOTHED, SD: FIX, OPEN: "#7b5ea7", PUBLISHED: REJECTED}
-_DASH = ("dash", "dot", "dashdot")
+_DASH = ("dash", "longdashdot", "dot", "dashdot")
 
 
 def _details(view: View) -> PlatformDetails:
@@ -164,7 +164,10 @@ def _error_figure(view: View, d: PlatformDetails, found: DriftSet) -> Figure | N
         flat.span = (0.0, 1.08 * max(tops))
         caption += " Strapdown without gravity feedback leaves the upper panel; the lower one holds it."
     if found.name == "none":
-        return figures.stack(f"fig-error-{found.name}", found.title, [log], axis, caption)
+        figure = figures.stack(f"fig-error-{found.name}", found.title, [log], axis, caption)
+        if figure is not None:  # powers of ten far below a millimetre
+            figure.spec["layout"]["yaxis"]["tickformat"] = ".0e"
+        return figure
     return figures.stack(f"fig-error-{found.name}", found.title, [flat, log], axis, caption)
 
 

@@ -209,18 +209,36 @@ def navigate(tables: Tables, settings: AuvSettings) -> Navigation:
     out = (np.zeros((n_out, OUT)), np.zeros((n_out, 3, 3)), np.zeros((n_out, 3, 3)), np.zeros((n_out, 3, 3)))
     n_inner = int(span * 1.2) + 16
     inner_t, inner = np.zeros((2, n_inner)), np.zeros((2, n_inner, INNOVATION))
-    no, k0, k1, nn, done = run(
-        nav.x, nav.P, nav.X, nav.c, rows, mt, mk, mz, out_dt, *out, innov, inner_t, inner, nodes, ustd, first_row
+    counts = np.zeros(5, np.int64)
+    run(
+        nav.x,
+        nav.P,
+        nav.X,
+        nav.c,
+        rows,
+        mt,
+        mk,
+        mz,
+        out_dt,
+        *out,
+        innov,
+        inner_t,
+        inner,
+        nodes,
+        ustd,
+        first_row,
+        counts,
     )
+    no, k0, k1, nn, done = (int(n) for n in counts)
     if not np.isfinite(nav.x[:NOMINAL]).all():
         raise InputError("the filter lost its numbers; the input holds values far outside any vehicle (schuler check)")
     if done < n_m:
         notes.append(f"{n_m - done} measurements after the last imu row were left out")
 
-    out = tuple(a[:no] for a in out)
+    ox, pos, vel, att = (a[:no] for a in out)
     states_raw = nodes[2][:nn].copy()
     times = states_raw[:, T].copy()
-    result = Navigation(filter=_solution(*out), notes=notes)
+    result = Navigation(filter=_solution(ox, pos, vel, att), notes=notes)
     result.innovations = _innovations(measurements[first_m:], innov, done, inner_t, inner, (k0, k1))
     smoothed = smoothed_std = None
     if smoother and nn > 1:
@@ -228,9 +246,9 @@ def navigate(tables: Tables, settings: AuvSettings) -> Navigation:
 
         nx, nP, ux, uP, nX = (a[:nn] for a in nodes)
         dpre, dpost = smooth(nn, nav.c, nx, nP, ux, uP, nX)
-        again = tuple(np.zeros_like(a) for a in out)
-        emit_smoothed(no, nn, nav.c, out[0], times, ux, uP, dpre, dpost, *again)
-        result.smoother = _solution(*again)
+        sx, spos, svel, satt = (np.zeros_like(a) for a in (ox, pos, vel, att))
+        emit_smoothed(no, nn, nav.c, ox, times, ux, uP, dpre, dpost, sx, spos, svel, satt)
+        result.smoother = _solution(sx, spos, svel, satt)
         smoothed = ux
         smoothed_std = np.sqrt(np.maximum(np.einsum("nii->ni", uP), 0.0))
     result.states = _histories(times, states_raw, ustd[:nn], smoothed, smoothed_std)
@@ -275,7 +293,8 @@ def _solution(ox: Array, pos: Array, vel: Array, att: Array) -> Solution:
     drift = ox[:, OUT_DRIFT] > 0.5
     v_n[drift] = np.column_stack([ox[drift, DN], ox[drift, DE], np.zeros(int(drift.sum()))])
     rpy = np.column_stack([roll, pitch, heading])
-    return Solution(ox[:, OUT_T].copy(), *(ox[:, i].copy() for i in (LAT, LON, HGT)), v_n, rpy, pos, vel, att)
+    time, lat, lon, height = (ox[:, i].copy() for i in (OUT_T, LAT, LON, HGT))
+    return Solution(time, lat, lon, height, v_n, rpy, pos, vel, att)
 
 
 def _innovations(

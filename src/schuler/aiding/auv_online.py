@@ -246,8 +246,10 @@ class AuvFilter:
             head = json.loads(blob[start : start + size])
             numbers = np.frombuffer(blob, "<f8", offset=start + size)
             given = dict(head["settings"])
-            given["start"] = Start(**{a: tuple(b) if isinstance(b, list) else b for a, b in given["start"].items()})
-            settings = AuvSettings(**{a: tuple(b) if isinstance(b, list) else b for a, b in given.items()})
+            start_of: dict[str, Any] = {a: tuple(b) if isinstance(b, list) else b for a, b in given["start"].items()}
+            given["start"] = Start(**start_of)
+            settings_of: dict[str, Any] = {a: tuple(b) if isinstance(b, list) else b for a, b in given.items()}
+            settings = AuvSettings(**settings_of)
             new = cls(settings, compass=head["compass"], **head["sensors"])
             place = 0
 
@@ -309,10 +311,12 @@ class AuvFilter:
                 self._done.extend(measurements)
         else:
             mt, mk, mz, innov = b.mt, b.mk, b.mz, b.innov
-        _, k0, k1, nodes, _ = run(
+        b.counts[:] = 0
+        run(
             self.x, self.P, self.X, self.c, np.asarray(row, dtype=np.float64).reshape(1, -1), mt, mk, mz, 1.0,
-            b.ox, b.o3, b.o3, b.o3, innov, b.inner_t, b.inner, b.nodes, b.ustd, first,
+            b.ox, b.o3, b.o3, b.o3, innov, b.inner_t, b.inner, b.nodes, b.ustd, first, b.counts,
         )  # fmt: skip
+        _, k0, k1, nodes, _ = b.counts
         for kind, count, j in (("levelling", k0, 0), ("magnetometer", k1, 1)):
             if count:
                 self.last[kind] = b.inner[j, count - 1].copy()
@@ -451,8 +455,8 @@ class AuvFilter:
                 P[e, b] = P[b, e] = -(s.gnss_correlated_std**2)  # the fix's slow error is now the position's
         else:
             x[k.LAT], x[k.LON] = st.lat, st.lon
-            for e, sig in zip((k.E_N, k.E_E), st.std_pos, strict=False):
-                P[e, e] = (1.0 if sig is None else sig) ** 2
+            for e, std in zip((k.E_N, k.E_E), st.std_pos, strict=False):
+                P[e, e] = (1.0 if std is None else std) ** 2
         height = st.height if st.height is not None else (fix.z[2] if fix is not None else math.nan)
         std_down = st.std_pos[2] if st.std_pos[2] is not None else (1.0 if st.height is not None else s.gnss_std[2])
         if not math.isfinite(height):
@@ -492,7 +496,7 @@ class AuvFilter:
 @dataclass
 class _Buffers:
     mt: Array
-    mk: Array
+    mk: NDArray[np.int64]
     mz: Array
     innov: Array
     ox: Array
@@ -501,6 +505,7 @@ class _Buffers:
     inner: Array
     nodes: tuple[Array, ...]
     ustd: Array
+    counts: NDArray[np.int64]
 
 
 def _buffers() -> _Buffers:
@@ -511,10 +516,11 @@ def _buffers() -> _Buffers:
     return _Buffers(
         np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 7)), np.zeros((0, INNOVATION)), np.zeros((0, OUT)),
         np.zeros((0, 3, 3)), np.zeros((2, 4)), np.zeros((2, 4, INNOVATION)), empty, np.zeros((0, N)),
+        np.zeros(5, np.int64),
     )  # fmt: skip
 
 
-def _arrays(measurements: list[Measurement]) -> tuple[Array, Array, Array, Array]:
+def _arrays(measurements: list[Measurement]) -> tuple[Array, NDArray[np.int64], Array, Array]:
     from schuler.kernels.auv_run import INNOVATION
 
     n = len(measurements)

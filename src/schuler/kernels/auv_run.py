@@ -176,113 +176,110 @@ def emit(x, P, X, c, ox, opos, ovel, oatt, i):
         covariances(x, P, c, opos[i], ovel[i], oatt[i])
 
 
-@njit(cache=True, error_model="numpy")
-def _keep(nodes, i, x, P, X, after):
-    nx, nP, ux, uP, nX = nodes
-    if after:
-        if i < ux.shape[0]:
-            ux[i] = x
-        if i < uP.shape[0]:
-            uP[i] = P
-    elif i < nP.shape[0]:
-        nx[i] = x
-        nP[i] = P
-        nX[i] = X
+# Counters of a run live in an array: rows out, levelling and magnetometer blocks, nodes, measurements done.
+ROWS_OUT, LEVELLED, HEADED, NODES, DONE = range(5)
 
 
 @njit(cache=True, error_model="numpy")
-def _all_at(x, P, X, c, t, im, mt, mkind, mz, innov, nodes, nn):
-    """Every measurement stamped t, in the order given; the next index."""
-    while im < mt.shape[0] and mt[im] == t:
-        grown = measure(x, P, X, c, mkind[im], mz[im], innov[im])
-        if grown > 0.0 and nn < nodes[1].shape[0]:
-            nodes[1][nn, E_N, E_N] += grown
-            nodes[1][nn, E_E, E_E] += grown
-        im += 1
-    return im
+def _open(x, P, X, c, nodes, n):
+    """Begins a node: covariance up to the present, kept as predicted."""
+    flush(x, P, X, c)
+    i = n[NODES]
+    if i < nodes[1].shape[0]:
+        nodes[0][i] = x
+        nodes[1][i] = P
+        nodes[4][i] = X
 
 
 @njit(cache=True, error_model="numpy")
-def _close(x, P, X, nodes, ustd, nn):
+def _all_at(x, P, X, c, t, mt, mkind, mz, innov, nodes, n):
+    """Every measurement stamped t, in the order given."""
+    i = n[NODES]
+    while n[DONE] < mt.shape[0] and mt[n[DONE]] == t:
+        k = n[DONE]
+        grown = measure(x, P, X, c, mkind[k], mz[k], innov[k])
+        if grown > 0.0 and i < nodes[1].shape[0]:
+            nodes[1][i, E_N, E_N] += grown
+            nodes[1][i, E_E, E_E] += grown
+        n[DONE] += 1
+
+
+@njit(cache=True, error_model="numpy")
+def _close(x, P, X, nodes, ustd, n):
     """Ends a node: what is known now is where the next one starts from."""
     X[:, :] = P
     x[TNODE] = x[T]
-    _keep(nodes, nn, x, P, X, True)
-    if nn < ustd.shape[0]:
+    i = n[NODES]
+    if i < nodes[2].shape[0]:
+        nodes[2][i] = x
+    if i < nodes[3].shape[0]:
+        nodes[3][i] = P
+    if i < ustd.shape[0]:
         for j in range(N):
-            ustd[nn, j] = np.sqrt(P[j, j])
-    return nn + 1
+            ustd[i, j] = np.sqrt(P[j, j])
+    n[NODES] += 1
 
 
 @njit(cache=True, error_model="numpy")
-def run(x, P, X, c, rows, mt, mkind, mz, out_dt, ox, opos, ovel, oatt, innov, inner_t, inner, nodes, ustd, first_row):
-    """Filters a recording. Returns counts (rows out, inner levelling, inner magnetometer, nodes, rows done).
+def run(x, P, X, c, rows, mt, mkind, mz, out_dt, ox, opos, ovel, oatt, innov, inner_t, inner, nodes, ustd, first, n):
+    """Filters a recording; n (5,) int64 counts on (ROWS_OUT ... DONE); first: row to begin with.
 
-    rows (n, 7|10) imu or (n, 4) compass, first column time; measurements sorted by time and kind: mt, mkind, mz (m, 7).
+    rows (r, 7|10) imu or (r, 4) compass, first column time; measurements sorted by time and kind: mt, mkind, mz (m, 7).
     Outputs: ox.. rows at least out_dt apart (0: every epoch; below 0 also every measurement); innov (m, INNOVATION);
     inner_t (2, k), inner (2, k, INNOVATION); nodes = (x-, P-, x+, P+, X) and ustd (sigmas) per node, as far as their
     lengths reach (length 0: not kept).
     """
-    n = rows.shape[0]
+    last = rows.shape[0]
     m = mt.shape[0]
-    im = 0
-    no = 0
-    k0 = 0
-    k1 = 0
-    nn = 0
     one = np.zeros((2, INNOVATION))
     used = np.zeros(2)
     next_out = x[T] - 1e-6
     compass = c[MODE] > 0.5
-    while im < m and mt[im] < x[T]:
-        im += 1  # before the start
-    for i in range(first_row, n + 1):
+    while n[DONE] < m and mt[n[DONE]] < x[T]:
+        n[DONE] += 1  # before the start
+    for i in range(first, last + 1):
         # Past the last row a compass vehicle drifts on to its remaining fixes; an IMU's knows only its last instant.
-        tail = i == n
-        row = rows[min(i, n - 1)]
+        tail = i == last
+        row = rows[min(i, last - 1)]
         t = row[0]
         if tail:
             t = np.inf if compass else x[T]
-        while im < m and mt[im] < t or not tail:
+        between = n[DONE] < m and mt[n[DONE]] < t
+        while between or not tail:
             # First what lies before the row, then the row itself, then (below) what bears its time.
-            between = im < m and mt[im] < t
-            target = mt[im] if between else t
+            target = mt[n[DONE]] if between else t
             advance(x, P, X, c, target, row, not between)
             inside = due(x, c)
             if between or inside:
-                flush(x, P, X, c)
-                _keep(nodes, nn, x, P, X, False)
+                _open(x, P, X, c, nodes, n)
                 if between:
-                    im = _all_at(x, P, X, c, target, im, mt, mkind, mz, innov, nodes, nn)
+                    _all_at(x, P, X, c, target, mt, mkind, mz, innov, nodes, n)
                 else:
                     inner_blocks(x, P, X, c, one, used)
-                    if used[0] > 0.5 and k0 < inner_t.shape[1]:
-                        inner_t[0, k0] = x[T]
-                        inner[0, k0] = one[0]
-                        k0 += 1
-                    if used[1] > 0.5 and k1 < inner_t.shape[1]:
-                        inner_t[1, k1] = x[T]
-                        inner[1, k1] = one[1]
-                        k1 += 1
-                nn = _close(x, P, X, nodes, ustd, nn)
+                    for b in range(2):
+                        k = n[LEVELLED + b]
+                        if used[b] > 0.5 and k < inner_t.shape[1]:
+                            inner_t[b, k] = x[T]
+                            inner[b, k] = one[b]
+                            n[LEVELLED + b] += 1
+                _close(x, P, X, nodes, ustd, n)
             if between:
-                if out_dt < 0.0 and no < ox.shape[0]:
-                    emit(x, P, X, c, ox, opos, ovel, oatt, no)
-                    no += 1
+                if out_dt < 0.0 and n[ROWS_OUT] < ox.shape[0]:
+                    emit(x, P, X, c, ox, opos, ovel, oatt, n[ROWS_OUT])
+                    n[ROWS_OUT] += 1
             else:
                 x[ROWS] += 1.0
                 if x[T] - x[TC] >= c[COV_DT] - 1e-6:
                     flush(x, P, X, c)
                 break
-        if im < m and mt[im] == t:
-            flush(x, P, X, c)
-            _keep(nodes, nn, x, P, X, False)
-            im = _all_at(x, P, X, c, t, im, mt, mkind, mz, innov, nodes, nn)
-            nn = _close(x, P, X, nodes, ustd, nn)
-        if not tail and x[T] >= next_out and no < ox.shape[0]:
-            emit(x, P, X, c, ox, opos, ovel, oatt, no)
-            no += 1
+            between = n[DONE] < m and mt[n[DONE]] < t
+        if n[DONE] < m and mt[n[DONE]] == t:
+            _open(x, P, X, c, nodes, n)
+            _all_at(x, P, X, c, t, mt, mkind, mz, innov, nodes, n)
+            _close(x, P, X, nodes, ustd, n)
+        if not tail and x[T] >= next_out and n[ROWS_OUT] < ox.shape[0]:
+            emit(x, P, X, c, ox, opos, ovel, oatt, n[ROWS_OUT])
+            n[ROWS_OUT] += 1
             if out_dt > 0.0:
                 while next_out <= x[T] + 1e-9:
                     next_out += out_dt
-    return no, k0, k1, nn, im

@@ -12,7 +12,7 @@ observable and left at zero.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -465,6 +465,30 @@ def accel_matrix(fit: SensorFit) -> tuple[Array, Array]:
         K["xyz".index(pair[0]), "xyz".index(pair[1])] = fit.value(n)
     bias = np.array([fit.value(f"bias_{a}") if f"bias_{a}" in fit.names else 0.0 for a in "xyz"])
     return K, bias
+
+
+def rest_like(rest: Rest, rate: Array) -> Rest:
+    """The same rest with other gyro means."""
+    return replace(rest, rate=rate)
+
+
+def transfer_angles(
+    time: Array, gyro: Array, force: Array, rests: Sequence[Rest], turns: Sequence[Turn], accel: SensorFit
+) -> Array:
+    """(t,) rad between gravity carried by the uncorrected gyros, less their biases, and as seen after each turn."""
+    from schuler.kernels.transfer import transfer
+
+    K, bias = accel_matrix(accel)
+    dt = np.diff(time, prepend=time[0] - float(np.median(np.diff(time))))
+    up = np.linalg.solve(K, np.array([r.force - bias for r in rests]).T).T
+    up /= np.linalg.norm(up, axis=1)[:, None]
+    rate = np.broadcast_to(np.mean([r.rate for r in rests], axis=0), (len(turns), 3)).copy()
+    ends = [np.array([getattr(t, k) for t in turns], dtype=np.int64) for k in ("first", "last", "before", "after")]
+    out = np.empty((len(turns), 3))
+    zero = np.zeros((3, 3))
+    transfer(np.ascontiguousarray(gyro), dt, ends[0], ends[1], rate, rate, np.eye(3), zero, force, up[ends[2]], out)
+    goal = up[ends[3]]
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(out, goal), axis=1), np.sum(out * goal, axis=1)))
 
 
 def smooth_bias(rests: Sequence[Rest], rates: Array) -> Array:

@@ -28,7 +28,7 @@ def build() -> Callable[..., int | None]:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_program)
-    for command in (demo, run, check, convert, align, published, bench, warmup):
+    for command in (demo, run, check, convert, align, calibrate, allan, published, bench, warmup):
         app.command()(command)
     return app
 
@@ -89,6 +89,34 @@ def align(
     from schuler.cli.align import align
 
     align(study, out, seed)
+
+
+def calibrate(
+    plan: Annotated[Path, typer.Argument(metavar="PLAN.toml", help="Your plan file.", show_default=False)],
+    out: OutDir = None,
+    design: Annotated[
+        int | None, typer.Option("--design", metavar="K", help="Instead: the best K positions for the plan's table.")
+    ] = None,
+) -> None:
+    """Lever arms, biases, scales and misalignments from turntable or multi-position recordings."""
+    from schuler.cli.calibrate import calibrate
+
+    calibrate(plan, out, design)
+
+
+def allan(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A recording at rest.", show_default=False)],
+    tau: Annotated[str | None, typer.Option("--tau", metavar="S,S,...", help="Averaging times, s.")] = None,
+    out: OutDir = None,
+    kind: Annotated[str, typer.Option("--kind", metavar="KIND", help="oadev, mdev or hdev.")] = "oadev",
+    rate_hz: Annotated[
+        float | None, typer.Option("--rate-hz", metavar="HZ", help="Of a recording without a time column.")
+    ] = None,
+) -> None:
+    """Allan deviation with confidence, fitted noise, and an [imu] section of it."""
+    from schuler.cli.calibrate import allan
+
+    allan(file, tau, out, kind, rate_hz)
 
 
 def published(

@@ -19,6 +19,7 @@ from schuler.ground.errors import InputError
 
 Array = NDArray[np.float64]
 DEG = np.pi / 180.0
+RESULT_FILES = ("summary.json", "calibration.json", "allan.json")
 KML_POINTS = 5000  # a viewer draws more than that slowly, and nobody sees the difference
 _ROWS_AT_ONCE = 2000
 
@@ -27,12 +28,16 @@ _ROWS_AT_ONCE = 2000
 
 
 def is_result_folder(path: Path) -> bool:
-    """Whether a folder is one that this program wrote: it holds a summary.json with "made_by"."""
-    try:
-        content = json.loads((path / "summary.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    return isinstance(content, dict) and "made_by" in content
+    """Whether a folder is one that this program wrote: it holds a summary.json, or one of the names beside it, with
+    "made_by"."""
+    for name in RESULT_FILES:
+        try:
+            content = json.loads((path / name).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            continue
+        if isinstance(content, dict) and "made_by" in content:
+            return True
+    return False
 
 
 def check_target(out: str | Path) -> Path:

@@ -168,6 +168,7 @@ BAD = {
     "too much lag": ({"alignment": {"lag_s": 60.0}}, "must stay below"),
     "time after the end": ({"at_s": [600, 9000]}, "outside the run"),
     "a bias of two g": ({"accel_bias_ug": [2e6, 0.0]}, "millionths of g"),
+    "a model of the sphere": ({"earth": "ellipsoid", "algorithms": ["as-published"]}, "is of the sphere"),
     "nothing to run": ({"algorithms": []}, "is empty"),
 }
 
@@ -194,6 +195,9 @@ def test_trusted_units_run():
 
 
 def test_what_is_warned_of():
+    round_less = run_study(study(earth="ellipsoid", duration_s=600.0, at_s=[600]))
+    assert any("is left out" in n for n in round_less.notes)
+    assert "as-published" not in {row["algorithm"] for row in round_less.summary["platform"]}
     long = run_study(study(duration_s=14400.0, at_s=[14400]))
     assert any("beyond the linear range" in n for n in long.notes)
     polar = run_study(study(lat_deg=86.0, duration_s=600.0, at_s=[600]))

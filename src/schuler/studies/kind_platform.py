@@ -13,7 +13,16 @@ from schuler.ground.earth import wrap_pi
 from schuler.ground.tables import Table
 from schuler.judging.errors import spread
 from schuler.judging.result import Result
-from schuler.studies.platform_mapping import DEG, case_of, check, loops_of, notes_of, section_of, walk_of
+from schuler.studies.platform_mapping import (
+    DEG,
+    algorithms_of,
+    case_of,
+    check,
+    loops_of,
+    notes_of,
+    section_of,
+    walk_of,
+)
 from schuler.studies.run import DEFAULT_SEED, Progress, made_by, register
 
 if TYPE_CHECKING:
@@ -33,7 +42,7 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
     p = section_of(study)
     check(p)
     case = case_of(p)
-    algorithms = tuple(dict.fromkeys(p.algorithms))
+    algorithms = algorithms_of(p)
     at = tuple(t for t in p.at_s if t <= p.duration_s) or (p.duration_s,)
     time = inertial.nodes(case, at=at)
     sigma = walk_of(p)

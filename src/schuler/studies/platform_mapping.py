@@ -40,6 +40,8 @@ def check(p: PlatformSection) -> None:
     ]
     if not p.algorithms:
         faults.append('[platform] algorithms: is empty; type algorithms = ["position-independent", "free-azimuth"]')
+    elif not algorithms_of(p):
+        faults.append('[platform] earth: the error model "as-published" is of the sphere; type earth = "sphere"')
     if "at_s" in p.model_fields_set:
         late = [t for t in p.at_s if not 0.0 <= t <= p.duration_s]
         if late:
@@ -131,6 +133,12 @@ def loops_of(p: PlatformSection) -> tuple[Loop, Loop]:
     )
 
 
+def algorithms_of(p: PlatformSection) -> tuple[str, ...]:
+    """What is run, each once. The published error model knows the sphere only and is left out on the ellipsoid."""
+    named = dict.fromkeys(p.algorithms)
+    return tuple(a for a in named if not (a == "as-published" and p.earth == "ellipsoid"))
+
+
 def case_of(p: PlatformSection) -> PlatformCase:
     """The case in SI."""
     moves = p.motion == "constant-rates"
@@ -185,7 +193,7 @@ def notes_of(study: Study, p: PlatformSection, case: PlatformCase) -> list[str]:
             f"forms and first-order theory leave out about half of that as a share of the error ({50.0 * turn:.2g} %); "
             "they also take the Earth's turn for small beyond 3 h. The simulations stay exact"
         )
-    if "as-published" in p.algorithms and case.drift[2] != 0.0:
+    if "as-published" in algorithms_of(p) and case.drift[2] != 0.0:
         notes.append(
             "as-published is the source's error model, not a platform: for channel 3 its heading is not turned by the "
             "drift, which no real platform can do"
@@ -194,7 +202,8 @@ def notes_of(study: Study, p: PlatformSection, case: PlatformCase) -> list[str]:
         notes.append(
             "ellipsoid: lat_deg is the latitude of minus the mass attraction (GM, J2); solution.csv holds geodetic "
             f"latitude, {math.degrees(_geodetic(case)):.6f} deg at the start. The algorithms go on with a sphere of "
-            "constant z, and as-published, first-order theory and closed forms are those of the sphere"
+            "constant z; first-order theory and closed forms are those of the sphere, and as-published, which knows "
+            "nothing else, is left out"
         )
     if any(x != 0.0 for x in p.drift_deg_per_h) and p.drift_at_switch == "carried":
         notes.append(

@@ -30,8 +30,10 @@ def test_channel_3_bounded_is_not_reproducible_and_says_why(rows):
     for row in bounded:
         assert row.verdict == NOT_REPRODUCIBLE
         assert "heading that the drift does not turn" in row.reason
-        assert row.published < 1000.0 < 4000.0 < row.ours
-    assert [row.published for row in bounded] == pytest.approx([237.4, 762.0, 818.0, 959.0], abs=0.5)
+        assert row.published is None  # the text says "bounded" and no number
+        assert row.ours > 4000.0
+    models = [float(re.search(r"at most (\d+) m then", row.reason)[1]) for row in bounded]
+    assert models == pytest.approx([237, 762, 818, 959], abs=1)
 
 
 def test_distances_and_crossovers_of_free_azimuth(rows):

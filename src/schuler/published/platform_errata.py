@@ -12,7 +12,7 @@ from schuler.inertial import platform as inertial
 from schuler.inertial import platform_alignment as alignment
 from schuler.inertial import platform_errors as theory
 from schuler.inertial.platform import GRAVITY, RADIUS, SCHULER, PlatformCase
-from schuler.published.ledger import CORRECTED, NOT_REPRODUCIBLE, Row
+from schuler.published.ledger import CORRECTED, NOT_REPRODUCIBLE, REPRODUCED, Row
 from schuler.published.platform_figures import HEADING_DEG, LAT_DEG, SCENARIOS
 
 SOURCE = "platform"
@@ -165,14 +165,14 @@ def _alignment() -> list[Row]:
         _row("eq. (27)", "phi_x' after the switch, drift carried", "rad/s", (b_3 - r0) * end.phi_y + case.drift[0],
              jumps["phi_x'"].after,
              "Erratum 11: + b_g1 contradicts (26) and Table 1 row 6; it is there only for a drift that steps on."),
-        _row("eq. (27)", "phi_y' after the switch, drift steps on", "rad/s", (r0 - b_3) * end.phi_x + case.drift[1],
-             stepping["phi_y'"].after,
+        Row(SOURCE, "eq. (27)", "phi_y' after the switch, drift steps on", "rad/s",
+            (r0 - b_3) * end.phi_x + case.drift[1], stepping["phi_y'"].after, REPRODUCED,
              "Erratum 11, the other case: with a drift that steps on at the switch the printed term is right."),
         _row("eq. (31)", "phi_x' after the switch, drift carried", "rad/s", printed_x, jumps["phi_x'"].after,
              "Erratum 12: the square of theta_F1 is meant where theta_F2 is printed."),
         _row("eq. (31)", "phi_y' after the switch, drift carried", "rad/s", p_31y, jumps["phi_y'"].after,
              "Erratum 13: both terms with b_g3 are negative."),
-        _row("Table 1, row 4", "psi' after the switch", "rad/s", 0.0, jumps["psi'"].after,
+        _row("Table 1, row 4", "psi' after the switch", "rad/s", None, jumps["psi'"].after,
              "Erratum 20: psi' jumps, by -w_e sin(phi_L) and the drift, and not psi, which row 1 says does not."),
         _row("section 4.1", "k_I k_G k_F of alignment over that of navigation, 0.03 rad/s", "1", None, ratio,
              "Erratum 22: k_I must DEcrease at the switch for any alignment loop faster than Schuler; printed is "

@@ -109,7 +109,8 @@ def _channel_3(sets: dict[tuple[str, str], DriftSet]) -> list[Row]:
                 None, run.largest(PI), NOT_REPRODUCIBLE,
                 "Not reproducible: the drift turns the platform, the algorithm does not know its heading, and the "
                 f"error grows to that of free azimuth (at most {run.apart(PI, FREE):.0f} m apart). The bounded curve "
-                f"is reproduced only with a heading that the drift does not turn, at most {run.largest(PUBLISHED):.0f} m then.",
+                "is reproduced only with a heading that the drift does not turn, "
+                f"at most {run.largest(PUBLISHED):.0f} m then.",
             )
         )  # fmt: skip
         cross = run.crossover(FREE, PUBLISHED) or math.nan

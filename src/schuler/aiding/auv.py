@@ -65,11 +65,7 @@ def input_rows(tables: Tables, settings: AuvSettings) -> tuple[Array, bool, list
             gyro, force = imu.stack("gyro_x", "gyro_y", "gyro_z"), imu.stack("accel_x", "accel_y", "accel_z")
         parts = [t[:, None], gyro, force]
         if "mag_x" in imu and "mag_y" in imu and "mag_z" in imu:
-            field = imu.stack("mag_x", "mag_y", "mag_z")
-            if np.isfinite(field).all():
-                parts.append(field)
-            else:
-                notes.append("magnetometer columns hold gaps (NaN); the magnetometer was left out")
+            parts.append(imu.stack("mag_x", "mag_y", "mag_z"))  # NaN: no field in that row
         return np.ascontiguousarray(np.hstack(parts)), False, notes
     if "attitude" not in tables:
         raise InputError(

@@ -124,7 +124,7 @@ class AuvFilter:
         """One input row; see the class. Rows must move forward in time."""
         if not self.started:
             row = np.asarray(row, dtype=np.float64)
-            if row.shape != (self.width,) or not np.isfinite(row).all():
+            if row.shape != (self.width,) or not np.isfinite(row[:7]).all():
                 raise InputError(f"predict: expected {self.width} finite numbers (time first), got {row!r}")
             self._wait_row(row)
             return
@@ -364,7 +364,7 @@ class AuvFilter:
         if not self.compass:
             w.force = w.force + row[4:7]
             w.weight += 1.0
-            w.mag = row[7:10] if self.width == 10 else None
+            w.mag = row[7:10] if self.width == 10 and np.isfinite(row[7:10]).all() else None
         start = self.settings.start
         if start.time is not None and row[0] < start.time:
             return

@@ -57,11 +57,11 @@ OUT_T, OUT_DRIFT, OUT_VHREF, OUT_TELLS, OUT = NOMINAL, NOMINAL + 1, NOMINAL + 2,
 def advance(x, P, X, c, t1, row, is_row):
     """Nominal state to t1 within an input row: rates and force (mode 0) or a compass row (mode 1)."""
     if c[MODE] < 0.5:
+        mx, my, mz = 0.0, 0.0, 0.0
         has_mag = row.shape[0] >= 10
         if has_mag:
             mx, my, mz = row[7], row[8], row[9]
-        else:
-            mx, my, mz = 0.0, 0.0, 0.0
+            has_mag = mx * mx + my * my + mz * mz > 0.0  # false for NaN
         advance_imu(x, P, X, c, t1, row[1], row[2], row[3], row[4], row[5], row[6], has_mag, mx, my, mz)
     else:
         advance_compass(x, P, X, c, t1, row[1], row[2], row[3], is_row)

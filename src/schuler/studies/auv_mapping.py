@@ -116,6 +116,7 @@ def auv_settings(study: Study, *, declination: float | None = None) -> AuvSettin
         antenna=m.antenna_frd_m,
         dvl_arm=m.dvl_frd_m,
         speed_arm=m.speed_frd_m,
+        consider_after=20.0 if study.filter.outage_policy == "consider" else inf,
         smoother=study.filter.smoother,
         output_rate=output_rate(study),
     )

@@ -285,7 +285,9 @@ class FilterSection(Section):
         (), "vehicle constraints"
     )
     nhc_frd_m: Three = key((0.0, 0.0, 0.0), "the point that cannot slip sideways, from the IMU", "m")
-    outage_policy: Literal["paper", "drop", "consider"] = key("paper", 'method "paper": what it does without fixes')
+    outage_policy: Literal["paper", "drop", "consider"] = key(
+        "paper", 'method "paper": what it does without fixes; "consider" also holds for "schuler"'
+    )
     vertical: Literal["free", "held"] = key("free", 'kind "strapdown": "held" keeps height and v_down')
 
 

@@ -139,8 +139,8 @@ class Strapdown:
 
     start : where it begins.  earth : WGS84 or a sphere.
     coning : corrections for motion inside the interval (coning and sculling together): "none"; "one", "two", "three"
-        previous increments kept, errors of order dt^3 (dt^4 in pure coning), dt^4, and a tenth of that or less; or "pair", two increments at a
-        time, dt^4 without memory.
+        previous increments kept, errors of order dt^3 (dt^4 in pure coning), dt^4, and a tenth of that or less; or
+        "pair", two increments at a time, dt^4 without memory.
     vertical : "free" (unstable: an error grows e-fold in 9.5 min), "held" (height and down velocity are given with each
         sample, or kept), "aided" (third-order loop on a given height, time constant `tau` s).
     """

@@ -36,6 +36,7 @@ def figures(result: Result) -> list[str]:
     lines += [_swept(entry) for entry in s.get("sweep") or []]
     if surfacings:
         lines += _surfacings(surfacings)
+    lines += _strapdown(s)
     lines += _whole(s)
     lines += _nis(s)
     lines += _learnt(s)
@@ -158,6 +159,24 @@ def _whole(s: dict[str, Any]) -> list[str]:
     share = (s.get("consistency") or {}).get("inside_3_sigma")
     if share is not None:
         lines.append(f"inside their own 3 sigma: {100.0 * share:.1f} % of all errors")
+    return lines
+
+
+def _strapdown(s: dict[str, Any]) -> list[str]:
+    """Free inertial error growth beside what explains it."""
+    t = s.get("strapdown") or {}
+    if t.get("end_north_m") is None:
+        return []
+    lines = [
+        f"error at the end {t['end_north_m']:.4g} m north, {t['end_east_m']:.4g} m east, at most "
+        f"{t['max_horizontal_m']:.4g} m; vertical channel {t['vertical']}"
+    ]
+    if t.get("linear_difference_share") is not None:
+        lines.append(
+            f"the linear model ends at {t['linear_end_north_m']:.4g} m north, {t['linear_end_east_m']:.4g} m east: "
+            f"within {100.0 * t['linear_difference_share']:.2g} % of the largest error"
+        )
+    lines.append(f"the same run without sensor errors: {t['floor_horizontal_m']:.1e} m (numerical floor)")
     return lines
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from schuler.ground.errors import InputError, StudyError
 from schuler.ground.units import DEG, KNOT
 from schuler.truth import instruments as inst
+from schuler.truth.catalogue import GRADES
 from schuler.truth.instruments import IMUS, ImuModel
 from schuler.truth.missions import (
     FADE_S,
@@ -165,8 +166,9 @@ def imu_from_keys(keys: Mapping[str, Any], errors: Mapping[str, Any] | None = No
     preset = keys.pop("preset", None)
     if preset is not None and keys:
         faults.append(f"[imu] has preset = {preset!r} and numbers ({', '.join(keys)}): keep one or the other")
-    if preset is not None and preset not in IMUS:
-        faults.append(f"[imu] preset = {preset!r} is not known: type one of {', '.join(map(repr, IMUS))}")
+    presets = {**IMUS, **GRADES}
+    if preset is not None and preset not in presets:
+        faults.append(f"[imu] preset = {preset!r} is not known: type one of {', '.join(map(repr, presets))}")
     known = {f.name for f in fields(ImuModel)} - {"name", "published"}
     for key in keys:
         if key not in known:
@@ -175,7 +177,7 @@ def imu_from_keys(keys: Mapping[str, Any], errors: Mapping[str, Any] | None = No
     changes = _offsets(errors or {}, faults)
     if faults:
         raise StudyError(faults)
-    model = IMUS[preset] if preset is not None else ImuModel(**keys)
+    model = presets[preset] if preset is not None else ImuModel(**keys)
     return replace(model, **changes)
 
 

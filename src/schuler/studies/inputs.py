@@ -61,6 +61,10 @@ def read_tables(study: Study, progress: Progress = silent) -> Inputs:
         except InputError as error:
             faults.append(f"[input] {name}: {error}")
             continue
+        if name == "imu" and study.imu is not None and study.imu.calibration is not None:
+            from schuler.studies.corrected import corrected
+
+            table = corrected(study, table)
         tables[name] = table
         notes += table.notes
     if faults:

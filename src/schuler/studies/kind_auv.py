@@ -14,6 +14,7 @@ from schuler.judging import consistency, outages
 from schuler.judging.errors import circular, distance, error_series, summary
 from schuler.judging.result import Result
 from schuler.studies.inputs import Inputs, check_gravity, check_overlap, read_tables, to_body, withhold
+from schuler.studies.corrected import corrected
 from schuler.studies.run import DEFAULT_SEED, Progress, made_by, register
 from schuler.studies.warm import need
 
@@ -76,7 +77,10 @@ def simulate(study: Study, seed: int, progress: Progress) -> Inputs:
     suite = suite_of(study)
     recording = record(mission_of(study), suite, seed=seed)
     declination = recording.declination if suite.magnetometer is not None else None
-    return Inputs(dict(recording.tables), recording.truth, dict(recording.truth_states), declination=declination)
+    tables = dict(recording.tables)
+    if "imu" in tables:
+        tables["imu"] = corrected(study, tables["imu"])
+    return Inputs(tables, recording.truth, dict(recording.truth_states), declination=declination)
 
 
 def navigate(study: Study, tables: dict[str, Table], declination: float | None = None) -> Navigation:
@@ -102,8 +106,6 @@ def unread(study: Study) -> list[str]:
         notes.append(f'[input] {", ".join(others)}: not used by kind "auv"; left out')
     if study.filter.constraints:
         notes.append(f'[filter] constraints {", ".join(study.filter.constraints)}: not used by kind "auv"; left out')
-    if study.imu is not None and study.imu.calibration is not None:
-        notes.append('[imu] calibration: not applied by kind "auv" yet; the imu table is used as it is')
     velocity = [k for k in study.start.model_fields_set if k.startswith(("v_", "std_v_"))]
     if velocity:
         notes.append(f'[start] {", ".join(sorted(velocity))}: kind "auv" finds the velocity itself; left out')

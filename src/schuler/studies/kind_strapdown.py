@@ -7,7 +7,7 @@ linear model, the closed form at rest and the numerical floor of the same run wi
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from schuler.ground.tables import Table
 from schuler.judging import consistency
 from schuler.judging.errors import circular, distance, error_series, spread, summary
 from schuler.judging.result import Result
+from schuler.studies.corrected import corrected
 from schuler.studies.inputs import check_gravity, check_overlap, read_tables, to_body
 from schuler.studies.run import DEFAULT_SEED, Progress, made_by, register
 
@@ -174,6 +175,11 @@ def simulate(study: Study, model: ImuModel, seed: int, progress: Progress, made:
         truth = type(truth)(*(getattr(truth, k)[rows] for k in truth.__dataclass_fields__))
     progress("instrument errors")
     measured = measure(ideal, model, seed=seed)
+    fixed = corrected(study, measured.table())
+    if study.imu is not None and study.imu.calibration is not None:
+        measured = replace(
+            measured, dtheta=fixed.stack("dtheta_x", "dtheta_y", "dtheta_z"), dv=fixed.stack("dv_x", "dv_y", "dv_z")
+        )  # fmt: skip
     start = Start.of(ideal.start)
     progress("navigating")
     vertical = study.filter.vertical
@@ -206,7 +212,7 @@ def simulate(study: Study, model: ImuModel, seed: int, progress: Progress, made:
     told |= _closed(
         made, ideal.start, measured.bias_accel, measured.bias_gyro, whole.time - whole.time[0], states, told
     )
-    notes = [*made.notes]
+    notes = [*made.notes, *fixed.notes]
     if np.any(measured.clipped):
         k = int(np.count_nonzero(measured.clipped.any(axis=1)))
         notes.append(f"{k} of {n} simulated IMU rows reach the range of the instrument and are clipped there")

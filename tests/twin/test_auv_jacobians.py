@@ -202,7 +202,7 @@ def test_a_height_teaches_the_height_where_there_is_no_depth_sensor():
     assert y[k.HGT] - x[k.HGT] == pytest.approx(2.0) and P[k.E_D, k.E_D] == pytest.approx(0.5)
 
 
-# --- blocks of the IMU: the error at the block's beginning grows to the one at its end, where H belongs ------------------
+# --- blocks of the IMU: the error at the block's beginning grows to the one at its end, where H belongs -------------
 
 
 RATE = 20
@@ -311,7 +311,7 @@ def test_magnetometer():
     assert np.abs(H[0, :2]).max() > 0.5  # a steep field makes tilt look like heading
 
 
-# --- the transition ---------------------------------------------
+# --- the transition -------------------------------------------------------------------------------------------------
 
 
 def moved(x, c, mode, tau, steps=10):
@@ -366,7 +366,7 @@ def test_transition_without_log_and_slope(mode):
     assert np.array_equal(Phi[k.E_D], np.eye(k.N)[k.E_D])
 
 
-# --- corrections and differences ---------------------------------------------
+# --- corrections and differences ------------------------------------------------------------------------------------
 
 
 def random_error(rng, scale=1.0):

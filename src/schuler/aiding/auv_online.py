@@ -3,7 +3,7 @@
     nav = AuvFilter(settings)
     nav.predict(imu)                      # time, gyro xyz, force xyz [, field xyz]: s, rad/s, m/s^2, uT
     nav.update(Measurement.position(t, lat, lon, height, std=(1, 1, 2)))
-    nav.lat, nav.heading, nav.sigma("heading")
+    nav.lat, nav.rpy, nav.sigmas()["heading"]
     blob = nav.save();  nav = AuvFilter.load(blob)
 
 `navigate` (aiding.auv) runs the same steps over a recording: the same bits. Measurements may come before the input
@@ -15,6 +15,7 @@ from __future__ import annotations
 import json
 import math
 import struct
+import zlib
 from collections import deque
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -121,14 +122,18 @@ class AuvFilter:
     # --- feeding ------------------------------------------------------------------------------------------------
 
     def predict(self, row: Array) -> None:
-        """One input row; see the class. Rows must move forward in time."""
+        """One input row; see the class. A row that is not later than the last one is left out."""
+        row = np.array(row, dtype=np.float64)  # a copy: it is needed again when a measurement comes late
+        inertial = row[:7]  # a field may be NaN
+        if row.shape != (self.width,) or not math.isfinite(inertial @ inertial):
+            raise InputError(f"predict: expected {self.width} finite numbers (time first), got {row!r}")
         if not self.started:
-            row = np.asarray(row, dtype=np.float64)
-            if row.shape != (self.width,) or not np.isfinite(row[:7]).all():
-                raise InputError(f"predict: expected {self.width} finite numbers (time first), got {row!r}")
             self._wait_row(row)
             return
         if row[0] <= self.x[_TROW]:
+            return
+        if row[0] < self.x[_T]:  # with a compass fixes do not wait for rows: this row came after one that is newer
+            self._replay(row)
             return
         self._keep(row)
         if self._pending:
@@ -140,7 +145,8 @@ class AuvFilter:
 
     def update(self, m: Measurement) -> bool:
         """One measurement, early, in time or late; False where it came too late to be used."""
-        if not all(math.isfinite(v) or (i == 2 and m.kind == "position") for i, v in enumerate(m.z)):
+        numbers = all(math.isfinite(v) or (i == 2 and m.kind == "position") for i, v in enumerate(m.z))
+        if not numbers or not math.isfinite(m.time):
             raise InputError(f"update: a {m.kind} measurement at {m.time:g} s holds {m.z}; expected finite numbers")
         if not self.started:
             return self._wait_measurement(m)
@@ -196,7 +202,10 @@ class AuvFilter:
         from schuler.kernels.auv_run import covariances
 
         pos, vel, att = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
-        covariances(self.x, self.P, self.c, pos, vel, att)
+        x, P, X = self.x.copy(), self.P.copy(), self.X.copy()
+        if self.started:
+            _k().flush(x, P, X, self.c)  # on copies: reading changes nothing
+        covariances(x, P, self.c, pos, vel, att)
         names = ("north", "east", "down", "v_north", "v_east", "v_down", "roll", "pitch", "heading")
         diagonal = np.concatenate([np.diag(pos), np.diag(vel), np.diag(att)])
         return dict(zip(names, np.sqrt(np.maximum(diagonal, 0.0)).tolist(), strict=True))
@@ -233,7 +242,8 @@ class AuvFilter:
         for mark in self._marks:
             arrays += mark
         text = json.dumps(head, sort_keys=True).encode()
-        return MAGIC + struct.pack("<q", len(text)) + text + b"".join(a.astype("<f8").tobytes() for a in arrays)
+        body = struct.pack("<q", len(text)) + text + b"".join(a.astype("<f8").tobytes() for a in arrays)
+        return MAGIC + struct.pack("<I", zlib.crc32(body)) + body
 
     @classmethod
     def load(cls, blob: bytes) -> AuvFilter:
@@ -241,8 +251,10 @@ class AuvFilter:
         try:
             if not blob.startswith(MAGIC):
                 raise ValueError("no filter")
-            (size,) = struct.unpack_from("<q", blob, len(MAGIC))
-            start = len(MAGIC) + 8
+            check, size = struct.unpack_from("<Iq", blob, len(MAGIC))
+            start = len(MAGIC) + 12
+            if check != zlib.crc32(blob[start - 8 :]):
+                raise ValueError("changed")
             head = json.loads(blob[start : start + size])
             numbers = np.frombuffer(blob, "<f8", offset=start + size)
             given = dict(head["settings"])
@@ -276,7 +288,7 @@ class AuvFilter:
             new._marks = deque((take(nx), take(n, n), take(n, n)) for _ in range(head["marks"]))
             if place != numbers.size:
                 raise ValueError("length")
-        except (ValueError, KeyError, TypeError, IndexError, struct.error) as error:
+        except (ValueError, KeyError, TypeError, IndexError, AttributeError, struct.error) as error:
             raise InputError("these bytes are not a saved AUV filter of this version; save one with .save()") from error
         return new
 
@@ -325,19 +337,23 @@ class AuvFilter:
         if nodes:
             self._marks.append((self.x.copy(), self.P.copy(), self.X.copy()))
 
-    def _replay(self, late: Measurement) -> bool:
-        """Back to the last mark before the late measurement, and forward again in the right order."""
-        while self._marks and self._marks[-1][0][_T] >= late.time:
-            self._marks.pop()
-        if not self._marks:
+    def _replay(self, late: Measurement | Array) -> bool:
+        """Back to the last mark before what came late (a measurement, a row), and forward again in the right order."""
+        time = late.time if isinstance(late, Measurement) else float(late[0])
+        if not self._marks or self._marks[0][0][_T] >= time:
             return False
+        while self._marks[-1][0][_T] >= time:
+            self._marks.pop()
         x, P, X = self._marks[-1]
         since = x[_T]
         rows = [r for r in self._rows if r[0] > since]
-        again = sorted([m for m in self._done if m.time > since] + [late], key=_order)
+        again = [m for m in self._done if m.time > since]
+        if isinstance(late, Measurement):
+            again = sorted([*again, late], key=_order)
+        else:
+            rows = sorted([*rows, late], key=lambda r: float(r[0]))
         self._done = deque(m for m in self._done if m.time <= since)
-        earlier = [r for r in self._rows if r[0] <= since]
-        self._rows = deque(earlier)
+        self._rows = deque(r for r in self._rows if r[0] <= since)
         self.x, self.P, self.X = x.copy(), P.copy(), X.copy()
         for row in rows:
             self._rows.append(row)
@@ -398,9 +414,8 @@ class AuvFilter:
             noise = math.hypot(m.z[3], self.settings.wave_std)
             if w.fix is not None and m.time - w.fix[0] < 2.0 and way > max(0.4, 5.0 * noise):
                 fix = Measurement("position", w.fix[0], tuple(w.fix[1:]))  # type: ignore[arg-type]
-                self._try_start(m.time, fix, math.atan2(m.z[1], m.z[0]), math.radians(60.0))
+                self._try_start(m.time, fix, math.atan2(m.z[1], m.z[0]), math.radians(60.0), way)
                 if self.started:
-                    self.x[_k().U] = way
                     return self.update(m)
         elif m.kind == "depth":
             w.depth = m.z[0]
@@ -408,7 +423,9 @@ class AuvFilter:
             w.speed = m.z[0]
         return True
 
-    def _try_start(self, time: float, fix: Measurement | None, course: float, course_std: float) -> None:
+    def _try_start(
+        self, time: float, fix: Measurement | None, course: float, course_std: float, speed: float = math.nan
+    ) -> None:
         """Starts where position, level and heading are known well enough to be linear."""
         from schuler.kernels import auv_state as k
         from schuler.kernels.rotation import quat_from_euler
@@ -473,7 +490,7 @@ class AuvFilter:
                 x[k.HGT] = st.height
         else:
             P[k.E_D, k.E_D] = std_down**2
-        x[k.U] = w.speed if math.isfinite(w.speed) else 0.0
+        x[k.U] = next((v for v in (speed, w.speed) if math.isfinite(v)), 0.0)
         x[k.T] = x[k.TC] = x[k.TNODE] = x[k.TROW] = x[k.TINFO] = x[k.TFIX] = time
         x[k.ZDT] = -math.inf
         x[k.SNIS] = x[k.WILD] = 1.0

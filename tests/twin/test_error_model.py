@@ -99,6 +99,7 @@ def flight(heading: float, duration: float, earth: Ellipsoid = TEXTBOOK) -> shap
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heading", [0.0, 45.0, 90.0])
 def test_linear_against_nonlinear_over_four_hours(heading: float) -> None:
     ideal = flight(heading * D, 14400.0)
@@ -117,6 +118,7 @@ def test_linear_against_nonlinear_over_four_hours(heading: float) -> None:
         assert (np.abs(got - want).max(axis=0)[live] / scale[live]).max() < 5e-3
 
 
+@pytest.mark.slow
 def test_the_end_of_the_four_hour_run_is_the_recomputed_one() -> None:
     from schuler.published.sins_errors import FOUR_HOURS, four_hours
 
@@ -138,6 +140,7 @@ def test_the_ellipsoidal_model_predicts_a_turning_flight() -> None:
     assert np.abs(linear.phi - error.phi).max() < 5e-3 * np.abs(error.phi).max()
 
 
+@pytest.mark.slow
 def test_closed_forms_at_rest_equal_the_propagated_model() -> None:
     """Schuler, Foucault and 24 h motion together, a day long, for every cause."""
     earth = TEXTBOOK
@@ -189,6 +192,7 @@ def test_open_loop_formulas_hold_for_a_quarter_of_an_hour() -> None:
     assert model.open_loop(t, accel=1e-3) / true == pytest.approx(1.1, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_covariance_equals_a_sample_of_runs() -> None:
     """Turn-on biases, white noise and start errors drawn 200 times: the spread of the linear runs is the covariance."""
     path = shapes.legs(0.7, 0.1, speed=100.0, heading=0.3, turns=[1.0], duration=600.0)

@@ -15,12 +15,14 @@ def test_the_source_is_known() -> None:
     assert SOURCES["sins"] == "schuler.published.sins"
 
 
+@pytest.mark.slow
 def test_recomputed_figures_agree(rows: list[Row]) -> None:
     """A figure that an independent recomputation gives must come out of ours within its last digit."""
     wrong = [r for r in rows if r.where.startswith("recomputation") and r.verdict != REPRODUCED]
     assert not wrong, [(r.where, r.quantity, r.published, r.ours) for r in wrong]
 
 
+@pytest.mark.slow
 def test_every_correction_has_a_reason_and_differs(rows: list[Row]) -> None:
     for r in rows:
         assert r.reason
@@ -29,6 +31,7 @@ def test_every_correction_has_a_reason_and_differs(rows: list[Row]) -> None:
             assert r.published != pytest.approx(r.ours, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_nothing_of_the_chapters_is_missing(rows: list[Row]) -> None:
     text = " ".join(r.where for r in rows)
     for place in (

@@ -158,3 +158,19 @@ def test_align_warns_of_a_gyro_too_poor() -> None:
     text = "\n".join(lines(told))
     assert "too poor to find north" in text
     assert "heading   not known" in text
+
+
+def test_over_the_pole_the_run_goes_on_and_the_linear_model_is_left_out() -> None:
+    result = run_study(
+        study(
+            start={"lat_deg": 89.9, "lon_deg": 20.0, "heading_deg": 0.0},
+            trajectory={"preset": "great-circle", "duration_s": 120.0, "rate_hz": 100},
+            imu={"preset": "navigation"},
+            errors={},
+        )
+    )
+    told = result.summary["strapdown"]
+    assert "linear_end_north_m" not in told
+    assert 0.0 < told["max_horizontal_m"] < 100.0
+    assert any("pole" in n for n in result.notes)
+    json.dumps(result.summary, allow_nan=False)

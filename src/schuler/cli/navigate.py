@@ -8,7 +8,10 @@ from schuler.cli.screen import compile_if_cold, compile_now, steps
 
 DEMO_OUT = Path("demo-result")
 # kernel modules of the kinds that do not say themselves when they need them (studies.warm.need)
-KERNELS = {"platform": ("platform", "platform_alignment")}
+KERNELS = {
+    "platform": ("platform", "platform_alignment"),
+    "strapdown": ("motion", "noise", "mechanization", "error_model"),
+}
 
 
 def demo(out: Path | None, seed: int | None) -> None:

@@ -183,6 +183,10 @@ class Strapdown:
         n = len(dtheta)
         if dtheta.shape != (n, 3) or dv.shape != (n, 3) or steps.size not in (1, n):
             raise InputError(f"increments must be (n, 3) and dt one number or (n,); got {dtheta.shape}, {dv.shape}")
+        if not np.all(steps > 0.0):
+            raise InputError("the intervals dt must be above 0 s; remove repeated rows, sort the others")
+        if every < 1 or any(x is not None and len(x) not in (1, n) for x in (height, v_down)):
+            raise InputError(f"every must be 1 or more, and height and v_down as long as the {n} samples")
         pairs = self._scheme == _SCHEMES["pair"]
         if pairs and n % 2:
             raise InputError(f'coning = "pair" takes an even number of samples; got {n}')

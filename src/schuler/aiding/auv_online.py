@@ -475,7 +475,12 @@ class AuvFilter:
             for e, std in zip((k.E_N, k.E_E), st.std_pos, strict=False):
                 P[e, e] = (1.0 if std is None else std) ** 2
         height = st.height if st.height is not None else (fix.z[2] if fix is not None else math.nan)
-        std_down = st.std_pos[2] if st.std_pos[2] is not None else (1.0 if st.height is not None else s.gnss_std[2])
+        if st.std_pos[2] is not None:
+            std_down = st.std_pos[2]
+        elif st.height is not None:
+            std_down = 1.0
+        else:
+            std_down = fix.z[5] if fix is not None else 0.0
         if not math.isfinite(height):
             height, std_down = 0.0, 0.0
         depth = w.depth if math.isfinite(w.depth) else 0.0

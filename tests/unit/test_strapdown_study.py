@@ -17,9 +17,11 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 def study(**sections):
     raw = {
-        "study": {"name": "test", "kind": "strapdown"}, "start": {"lat_deg": 50.0, "lon_deg": 30.0, "heading_deg": 40.0},
+        "study": {"name": "test", "kind": "strapdown"},
+        "start": {"lat_deg": 50.0, "lon_deg": 30.0, "heading_deg": 40.0},
         "trajectory": {"preset": "legs", "duration_s": 600.0, "rate_hz": 50, "speed_mps": 100.0, "turns_deg": [60]},
-        "errors": {"gyro_bias_deg_per_h": 0.05, "accel_bias_ug": [100, -50, 80]}, "filter": {"vertical": "held"},
+        "errors": {"gyro_bias_deg_per_h": 0.05, "accel_bias_ug": [100, -50, 80]},
+        "filter": {"vertical": "held"},
     }  # fmt: skip
     return parse_study({**raw, **sections})
 

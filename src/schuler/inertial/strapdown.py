@@ -32,7 +32,7 @@ Coning = Literal["none", "one", "two", "three", "pair"]
 Vertical = Literal["free", "held", "aided"]
 _SCHEMES = {"none": 0, "one": 1, "two": 2, "three": 3, "pair": 4}
 _VERTICAL = {"free": 0, "held": 1, "aided": 2}
-_NOTHING = np.zeros(1)
+_BLOCK = 4096
 
 
 @dataclass(frozen=True)
@@ -191,16 +191,28 @@ class Strapdown:
         if pairs and n % 2:
             raise InputError(f'coning = "pair" takes an even number of samples; got {n}')
         epochs = n // 2 if pairs else n
-        raw = np.empty((epochs // every, kernel.RAW))
+        rows = epochs // every
         h = self._height if height is None else np.ascontiguousarray(height, dtype=np.float64)
         d = self._down if v_down is None else np.ascontiguousarray(v_down, dtype=np.float64)
         if height is not None and v_down is None and self._mode == _VERTICAL["held"]:
             raise InputError('vertical = "held" with given heights needs v_down beside them')
-        kernel.run(self._state, self._earth, dtheta, dv, steps, self._scheme, self._mode, h, d, self._gains, every, raw)
+        out = np.empty((rows, kernel.NED))
+        size = max(1, _BLOCK // every)  # rows a block: small enough to stay in the processor's cache
+        raw = np.empty((min(size, rows), kernel.RAW))
+        samples = (2 if pairs else 1) * every
+        for first in range(0, max(rows, 1), size):
+            last = min(first + size, rows)
+            part = slice(first * samples, last * samples if last < rows else n)
+            kernel.run(
+                self._state, self._earth, dtheta[part], dv[part], steps if steps.size == 1 else steps[part],
+                self._scheme, self._mode, h if h.size == 1 else h[part], d if d.size == 1 else d[part], self._gains, every,
+                raw[: last - first],
+            )  # fmt: skip
+            kernel.to_ned(raw[: last - first], out[first:last])
         ends = self.time + (steps[0] * np.arange(1, n + 1) if steps.size == 1 else np.cumsum(steps))
         self.time = float(ends[-1]) if n else self.time
         times = ends[1::2] if pairs else ends
-        return _track(times[every - 1 :: every], raw)
+        return _track(times[every - 1 :: every], out)
 
     def restart(self, start: Start) -> None:
         """Takes another position, velocity and attitude; what was learnt of the motion inside the intervals is kept."""
@@ -216,16 +228,12 @@ class Strapdown:
         return self.feed(np.asarray(dtheta, dtype=np.float64)[None], np.asarray(dv, dtype=np.float64)[None], dt)
 
 
-def _track(time: Array, raw: Array, notes: list[str] | None = None) -> Track:
-    from schuler.kernels import mechanization as kernel
-
-    out = np.empty((len(raw), kernel.NED))
-    kernel.to_ned(raw, out)
-    if not np.all(np.isfinite(out)):
+def _track(time: Array, out: Array) -> Track:
+    if len(out) and not np.all(np.isfinite(out[-1])):  # what is not a number once stays so
         row = int(np.argmax(~np.isfinite(out).all(axis=1)))
         raise InputError(f"the run stopped being a number at {time[row]:.3f} s: look at the IMU rows before it")
     lat, lon, height = out[:, :3].T.copy()
-    return Track(time, lat, lon, height, out[:, 3:6], out[:, 6:10], notes or [])
+    return Track(time, lat, lon, height, out[:, 3:6], out[:, 6:10])
 
 
 def run(

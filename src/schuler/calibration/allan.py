@@ -65,7 +65,8 @@ def samples_of(tau: Sequence[float], rate_hz: float, n: int, kind: Kind = "oadev
             raise InputError(f"the averaging time {t:g} s is shorter than a sample ({1.0 / rate_hz:g} s)")
         if _REACH[kind] * m >= n:
             raise InputError(
-                f"the averaging time {t:g} s needs more than {_REACH[kind] * t:g} s of recording for {kind}; this one has "
+                f"the averaging time {t:g} s needs more than {_REACH[kind] * t:g} s of recording for {kind}; "
+                f"this one has "
                 f"{n / rate_hz:g} s"
             )
         out.append(m)
@@ -73,8 +74,11 @@ def samples_of(tau: Sequence[float], rate_hz: float, n: int, kind: Kind = "oadev
 
 
 def deviation(
-    values: ArrayLike, rate_hz: float, tau: Sequence[float] | None = None, kind: Kind = "oadev",
-) -> Deviation:  # fmt: skip
+    values: ArrayLike,
+    rate_hz: float,
+    tau: Sequence[float] | None = None,
+    kind: Kind = "oadev",
+) -> Deviation:
     """Deviation of rates (n,) sampled at rate_hz, each the mean over its interval.
 
     tau : averaging times in s, rounded to whole samples; None: about ten a decade. The confidence first takes the noise
@@ -106,9 +110,7 @@ def deviation(
     return _confident(kind, rate_hz, y.size, m, np.sqrt(var), np.zeros(m.size, dtype=int))
 
 
-def _confident(
-    kind: Kind, rate_hz: float, n: int, m: NDArray[np.int64], dev: Array, alpha: NDArray
-) -> Deviation:  # fmt: skip
+def _confident(kind: Kind, rate_hz: float, n: int, m: NDArray[np.int64], dev: Array, alpha: NDArray) -> Deviation:
     from scipy.stats import chi2
 
     edf = np.array([degrees_of_freedom(n + 1, int(k), int(a), kind) for k, a in zip(m, alpha, strict=True)])
@@ -148,8 +150,15 @@ def _kernel(t: Array, alpha: int) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         log = np.where(a > 0.0, np.log(np.where(a > 0.0, a, 1.0)), 0.0)
     return {
-        4: np.zeros_like(a), 2: -a, 1: a**2 * log, 0: a**3, -1: -(a**4) * log, -2: -(a**5), -3: a**6 * log, -4: a**7,
-    }[alpha]  # fmt: skip
+        4: np.zeros_like(a),
+        2: -a,
+        1: a**2 * log,
+        0: a**3,
+        -1: -(a**4) * log,
+        -2: -(a**5),
+        -3: a**6 * log,
+        -4: a**7,
+    }[alpha]
 
 
 def _structure(t: Array, filt: float, alpha: int, d: int) -> Array:

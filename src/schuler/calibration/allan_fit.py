@@ -39,7 +39,8 @@ class NoiseFit:
     """Terms of one sensor; None: not seen in this recording. SI with the rate's unit u (rad/s or m/s^2):
 
     quantisation u s; random_walk u sqrt(s) (angle or velocity random walk); flicker u (coefficient B, whose floor is
-    0.664 B); rate_walk u/sqrt(s); ramp u/s; correlated: sigma u of a first-order Gauss-Markov process with time constant
+    0.664 B); rate_walk u/sqrt(s); ramp u/s; correlated: sigma u of a first-order Gauss-Markov process with time
+    constant
     correlated_tau, s. floor: lowest deviation and floor_tau where it is, None where the deviation still falls at the
     longest time. alpha (k,): the dominating noise at each averaging time. model (k,): the fitted deviation.
     """
@@ -104,7 +105,8 @@ def relative_covariance(dev: Deviation, theta: Array, time_constant: float | Non
 def fit(values: ArrayLike, rate_hz: float, dev: Deviation | None = None) -> tuple[Deviation, NoiseFit]:
     """Noise terms of rates (n,) at rest, sampled at rate_hz; and `dev` with the confidence that the fit implies.
 
-    The terms always come from the overlapping Allan deviation at the default averaging times, also where dev holds other
+    The terms always come from the overlapping Allan deviation at the default averaging times, also where dev holds
+    other
     times or another kind of deviation (None: the default itself).
     """
     base = deviation(values, rate_hz)
@@ -120,8 +122,9 @@ def fit(values: ArrayLike, rate_hz: float, dev: Deviation | None = None) -> tupl
 def fit_deviation(base: Deviation) -> NoiseFit:
     """The fit itself, from an overlapping Allan deviation."""
     keep = base.dev > 0.0
-    seen = Deviation(base.kind, base.rate_hz, base.n, *(getattr(base, k)[keep] for k in (
-        "m", "tau", "dev", "edf", "low", "high")))  # fmt: skip
+    seen = Deviation(
+        base.kind, base.rate_hz, base.n, *(getattr(base, k)[keep] for k in ("m", "tau", "dev", "edf", "low", "high"))
+    )
     y = seen.dev**2
     H = columns(seen.tau)
     theta, weights = _squares(seen, y, H)
@@ -129,7 +132,7 @@ def fit_deviation(base: Deviation) -> NoiseFit:
     constant: float | None = None
     spread = (0.0, 0.0)
     trials = _trials(seen)
-    found = []
+    found: list[tuple[float, float, Array, Array, Array]] = []
     for T in trials:
         wider = np.column_stack([H, gauss_markov_column(seen.tau, float(T))])
         got, w = _squares(seen, y, wider)
@@ -137,11 +140,11 @@ def fit_deviation(base: Deviation) -> NoiseFit:
             found.append((_misfit(y, wider, got, w), float(T), wider, got, w))
     if found:
         best = min(found, key=lambda x: x[0])
-        spare = max(1.0, best[0] / max(seen.tau.size - np.count_nonzero(best[3]) - 1, 1))
+        spare = max(1.0, best[0] / max(float(seen.tau.size - np.count_nonzero(best[3]) - 1), 1.0))
         if best[0] < chi2 - _BUMP * spare and trials[0] < best[1] < trials[-1]:
             near = [x[1] for x in found if x[0] < best[0] + spare]
-            step = float(np.sqrt(trials[1] / trials[0]))
-            constant, spread = best[1], (min(near) / step, max(near) * step)
+            step = float(np.sqrt(float(trials[1]) / float(trials[0])))
+            constant, spread = best[1], (float(min(near)) / step, float(max(near)) * step)
             chi2, H, theta, weights = best[0], best[2], best[3], best[4]
     theta, cov = _prune(seen, y, H, constant)
     terms = {name: _root(theta[j], cov[j, j]) for j, name in enumerate(TERMS) if theta[j] > 0.0}
@@ -175,7 +178,8 @@ def _floor(dev: Deviation) -> tuple[Term | None, float | None]:
 
 
 def dominating(H: Array, theta: Array, tau: Array) -> NDArray[np.int64]:
-    """(k,) power of the rate's spectrum that dominates at each averaging time, from the slope of the fitted variance."""
+    """(k,) power of the rate's spectrum that dominates at each averaging time, from the slope of the fitted
+    variance."""
     y = np.log(H @ theta)
     slope = np.gradient(y, np.log(tau)) if tau.size > 1 else np.full(1, -1.0)
     alpha = np.select([slope < -1.5, slope < -0.5, slope < 0.5], [WHITE_PHASE, WHITE, FLICKER], WALK)

@@ -3,7 +3,8 @@
     measured = (I + M) (true + size effect) + bias + G force          so, in this order:
     force = (I + M_a)^-1 (measured - bias_a);  rate = (I + M_g)^-1 (measured - bias_g - G force);  force - size effect
 
-Parameters carry their unit in the name, as in calibration.json; what is not observable is null there and counts as zero.
+Parameters carry their unit in the name, as in calibration.json; what is not observable is null there and counts as
+zero.
 """
 
 from __future__ import annotations
@@ -116,7 +117,9 @@ class Calibration:
     def from_dict(cls, content: Any, source: str = "calibration.json") -> Calibration:
         """From the content of calibration.json. InputError where it is not one."""
         if not isinstance(content, Mapping) or not isinstance(content.get("parameters"), list):
-            raise InputError(f'{source} is not a calibration: it has no list "parameters"; make one with  schuler calibrate')
+            raise InputError(
+                f'{source} is not a calibration: it has no list "parameters"; make one with  schuler calibrate'
+            )
         parameters = []
         for entry in content["parameters"]:
             name = entry.get("name") if isinstance(entry, Mapping) else None
@@ -129,15 +132,24 @@ class Calibration:
                 raise InputError(f"{source}: value and std of {name} must be numbers, or null where not observable")
             seen = bool(entry.get("observable", value is not None)) and value is not None
             parameters.append(
-                Parameter(name, float(value) * factor if seen else np.nan, float(std) * factor if seen and std is not None else np.nan, seen)
-            )  # fmt: skip
+                Parameter(
+                    name,
+                    float(value) * factor if seen else np.nan,
+                    float(std) * factor if seen and std is not None else np.nan,
+                    seen,
+                )
+            )
         warm = content.get("temperature_degC")
         m = sum(p.observable for p in parameters)
         return cls(
-            str(content.get("plan", "")), parameters, np.full((m, m), np.nan), _number(content.get("residual_rms_mps2")),
-            _number(content.get("holdout_rms_mps2")), _number(content.get("condition")),
+            str(content.get("plan", "")),
+            parameters,
+            np.full((m, m), np.nan),
+            _number(content.get("residual_rms_mps2")),
+            _number(content.get("holdout_rms_mps2")),
+            _number(content.get("condition")),
             float(warm) if isinstance(warm, int | float) else None,
-        )  # fmt: skip
+        )
 
     # ---- what it says ----
 
@@ -171,9 +183,12 @@ class Calibration:
         """A sentence for the notes of a run."""
         kinds = []
         for word, stem in (
-            ("biases", "_bias_"), ("scales", "_scale_"), ("misalignments", "_misalignment_"), ("lever arms", "_lever_"),
+            ("biases", "_bias_"),
+            ("scales", "_scale_"),
+            ("misalignments", "_misalignment_"),
+            ("lever arms", "_lever_"),
             ("g-sensitivity", "g_sensitivity"),
-        ):  # fmt: skip
+        ):
             if any(stem in p.name and p.observable for p in self.parameters):
                 kinds.append(word)
         blind = [p.name for p in self.parameters if not p.observable]

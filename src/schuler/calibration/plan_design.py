@@ -1,13 +1,13 @@
 """Which positions of a turntable tell most about the lever arms, and what the table's own errors cost.
 
-The information of a position for an accelerometer of direction e is w^4/sigma^2 times d d^T, d = (u.e) u - e, where sigma
+The information of a position for an accelerometer of direction e is w^4/sigma^2 times d d^T, d = (u.e) u - e, where
+sigma
 is the noise of spin minus stops. Positions are chosen greedily and then exchanged one by one (Fedorov) until the summed
 variance of all components stops falling.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -68,7 +68,8 @@ class TableModel:
         return np.asarray(noise * np.sqrt(1.0 / length + 1.0 / (self.stops * self.still)))
 
     def candidates(self) -> Array:
-        """(c, 2) settings gamma, beta whose outer axes differ; an axis and its opposite show the same and count once."""
+        """(c, 2) settings gamma, beta whose outer axes differ; an axis and its opposite show the same and count
+        once."""
         grid = np.array([(g, b) for g in self.gammas for b in self.betas])
         order = np.lexsort((np.abs(grid[:, 1]), np.abs(grid[:, 0])))  # the plainest setting of equal ones
         seen: list[Array] = []
@@ -173,7 +174,8 @@ def one_more(settings: ArrayLike, table: TableModel) -> Design:
 
 
 def would_show(settings: ArrayLike, e: ArrayLike, component: int, table: TableModel) -> tuple[float, float] | None:
-    """A setting (gamma, beta in rad) that makes a component of rho visible for the direction e; None: none alone does."""
+    """A setting (gamma, beta in rad) that makes a component of rho visible for the direction e; None: none alone
+    does."""
     s = np.atleast_2d(np.asarray(settings, dtype=np.float64)).reshape(-1, 2)
     points = table.candidates()
     best: tuple[float, tuple[float, float]] | None = None
@@ -230,7 +232,8 @@ def angle_effect(settings: ArrayLike, e: ArrayLike, rho: ArrayLike) -> Array:
 
 
 def budget(settings: ArrayLike, table: TableModel, levers: ArrayLike, gravity: float = 9.80665) -> list[Share]:
-    """What noise and each error of the table put on the components, rms in m; levers (n, 3) m, the true or found ones."""
+    """What noise and each error of the table put on the components, rms in m; levers (n, 3) m, the true or found
+    ones."""
     s = np.atleast_2d(np.asarray(settings, dtype=np.float64))
     rho = np.atleast_2d(np.asarray(levers, dtype=np.float64))
     n = len(table.directions)

@@ -17,7 +17,8 @@ SAME = np.deg2rad(0.5)  # neighbouring rests closer than this are one that was d
 
 @dataclass(frozen=True)
 class Rest:
-    """Rows first <= i < last. force (3,) m/s^2 and rate (3,) rad/s: means; scatter (3,): rms of an accelerometer row."""
+    """Rows first <= i < last. force (3,) m/s^2 and rate (3,) rad/s: means; scatter (3,): rms of an accelerometer
+    row."""
 
     first: int
     last: int
@@ -76,15 +77,19 @@ def find_rests(time: Array, force: Array, gyro: Array, temperature: Array | None
                     merged[-1] = (a, b)
                 continue
         merged.append((a, b))
-    return [
-        rest_of(time, force, gyro, a, b, temperature) for a, b in merged if (b - a) * dt >= SHORTEST
-    ]  # fmt: skip
+    return [rest_of(time, force, gyro, a, b, temperature) for a, b in merged if (b - a) * dt >= SHORTEST]
 
 
 def rest_of(time: Array, force: Array, gyro: Array, first: int, last: int, temperature: Array | None = None) -> Rest:
     """A rest from rows that are known to be still."""
     warm = float(np.nanmean(temperature[first:last])) if temperature is not None else float("nan")
     return Rest(
-        first, last, float(time[first]), float(time[last - 1]), force[first:last].mean(axis=0),
-        gyro[first:last].mean(axis=0), force[first:last].std(axis=0), warm,
-    )  # fmt: skip
+        first,
+        last,
+        float(time[first]),
+        float(time[last - 1]),
+        force[first:last].mean(axis=0),
+        gyro[first:last].mean(axis=0),
+        force[first:last].std(axis=0),
+        warm,
+    )

@@ -3,7 +3,8 @@
     A_i = e_i . [ f_P + wd x rho_i + w x (w x rho_i) ]                                          thesis (4.1)
     e . (w x (w x rho)) = (w.e)(w.rho) - (e.rho) w^2
 
-for any number of single-axis accelerometers with own place rho_i (m) and own direction e_i, in instrument axes; w (rad/s)
+for any number of single-axis accelerometers with own place rho_i (m) and own direction e_i, in instrument axes; w
+(rad/s)
 is the rate against inertial space. Compensation subtracts the two terms; the thesis's own form (4.4) leaves out wd and
 is kept as the variant "rate-only". Under vibration the terms rectify; `rectified` gives the mean in closed form.
 """
@@ -51,10 +52,13 @@ class Accelerometers:
 
     @property
     def to_force(self) -> Array:
-        """(3, n) specific force from the outputs, least squares. InputError where the directions leave an axis unseen."""
+        """(3, n) specific force from the outputs, least squares. InputError where the directions leave an axis
+        unseen."""
         if np.linalg.matrix_rank(self.directions, tol=1e-6) < 3:
-            raise InputError("the accelerometers' directions lie in one plane: they do not give a specific force vector")
-        return np.linalg.pinv(self.directions)
+            raise InputError(
+                "the accelerometers' directions lie in one plane: they do not give a specific force vector"
+            )
+        return np.asarray(np.linalg.pinv(self.directions), dtype=np.float64)
 
 
 def centripetal(w: ArrayLike, where: Accelerometers) -> Array:
@@ -87,15 +91,20 @@ _STENCILS: dict[str, tuple[tuple[int, ...], tuple[float, ...]]] = {
 
 
 def angular_acceleration(
-    w: ArrayLike, dt: float, *, method: Differences = "five-point", bandwidth_hz: float | None = None,
+    w: ArrayLike,
+    dt: float,
+    *,
+    method: Differences = "five-point",
+    bandwidth_hz: float | None = None,
     gyro_delay: float = 0.0,
-) -> Array:  # fmt: skip
+) -> Array:
     """(m, 3) rad/s^2 by differencing gyro rates w (m, 3) rad/s at the spacing dt, s.
 
     The stencils hold for samples and for means over the intervals alike, because differencing and averaging commute.
     "five-point" (relative error (w dt)^4/30 at angular frequency w) and "central" ((w dt)^2/6) need the rows after;
     "backward" needs none but is half a sample late, which `compensate` does not repair. bandwidth_hz: a zero-phase
-    low-pass (second order each way) first. gyro_delay: the gyros' rows are this much late, s; they are moved back first.
+    low-pass (second order each way) first. gyro_delay: the gyros' rows are this much late, s; they are moved back
+    first.
     Rows at the ends use shorter stencils.
     """
     w = _moved(np.asarray(w, dtype=np.float64), dt, gyro_delay)
@@ -136,10 +145,17 @@ def _moved(w: Array, dt: float, delay: float) -> Array:
 
 
 def compensate(
-    outputs: ArrayLike, w: ArrayLike, dt: float, where: Accelerometers, *, variant: Variant = "full",
-    method: Differences = "five-point", bandwidth_hz: float | None = None, gyro_delay: float = 0.0,
+    outputs: ArrayLike,
+    w: ArrayLike,
+    dt: float,
+    where: Accelerometers,
+    *,
+    variant: Variant = "full",
+    method: Differences = "five-point",
+    bandwidth_hz: float | None = None,
+    gyro_delay: float = 0.0,
     means: bool = False,
-) -> Array:  # fmt: skip
+) -> Array:
     """Outputs (m, n) m/s^2 with the size effect removed: as if every accelerometer sat at the origin.
 
     w (m, 3) gyro rates, rad/s, at spacing dt, s. variant: "full", or "rate-only", the thesis's (4.4) without angular
@@ -162,7 +178,8 @@ def compensate(
 
 
 def rectified(rate_covariance: ArrayLike, where: Accelerometers) -> tuple[Array, Array]:
-    """Mean false acceleration under small angular vibration, in closed form: (body-axis mean, inertial mean), (3,) each.
+    """Mean false acceleration under small angular vibration, in closed form: (body-axis mean, inertial mean), (3,)
+    each.
 
     rate_covariance S (3, 3) rad^2/s^2: mean of w w^T; of harmonic vibration theta0 sin(2 pi nu t) about an axis it is
     (2 pi nu theta0)^2/2 there. The first is the mean of the outputs, e.(S rho) - tr(S) (e.rho) for each accelerometer:
@@ -180,7 +197,8 @@ def rectified(rate_covariance: ArrayLike, where: Accelerometers) -> tuple[Array,
 
 
 def vibration_velocity(theta0: float, frequency_hz: float, time: float, rho: ArrayLike) -> Array:
-    """Thesis (4.3) with its sign: velocity (m/s) along rho that an accelerometer pair in the plane collects in body axes.
+    """Thesis (4.3) with its sign: velocity (m/s) along rho that an accelerometer pair in the plane collects in body
+    axes.
 
     theta0 rad amplitude; time s; rho the place, m. Centripetal, so against rho.
     """
@@ -188,9 +206,13 @@ def vibration_velocity(theta0: float, frequency_hz: float, time: float, rho: Arr
 
 
 def noise_residual(
-    rate_noise: ArrayLike, where: Accelerometers, *, next_correlation: float = 0.0, attitude_from_gyros: bool = True,
+    rate_noise: ArrayLike,
+    where: Accelerometers,
+    *,
+    next_correlation: float = 0.0,
+    attitude_from_gyros: bool = True,
     variant: Variant = "full",
-) -> Array:  # fmt: skip
+) -> Array:
     """Mean acceleration (3,) m/s^2 in fixed axes that gyro noise leaves after compensation.
 
     rate_noise N (3,) or (3, 3): rms of a sample per axis, rad/s, or its covariance. The square of the noise is
@@ -223,6 +245,8 @@ def warning(rate_covariance: ArrayLike, where: Accelerometers) -> str | None:
     axes = ", ".join("xyz"[i] for i in np.flatnonzero(worse))
     k = int(np.argmax(np.abs(left) - np.abs(fixed)))
     return (
-        f'"rate-only" compensation makes {axes} worse: in {"xyz"[k]} it leaves {60.0 * left[k]:.3g} m/s a minute of such '
-        f'vibration, without compensation it is {60.0 * fixed[k]:.3g} m/s; use "full", which takes the angular acceleration'
+        f'"rate-only" compensation makes {axes} worse: in {"xyz"[k]} it leaves {60.0 * left[k]:.3g} m/s a '
+        f"minute of such "
+        f'vibration, without compensation it is {60.0 * fixed[k]:.3g} m/s; use "full", which takes the angular '
+        f"acceleration"
     )

@@ -88,7 +88,10 @@ def stretches_of(table: Table, plan: str) -> list[Stretch]:
             word = str(table["axis"][row]).strip().lower() if "axis" in table else ""
             axis = _NAMED.get(word)
             if axis is None or not np.isfinite(angle) or angle == 0.0:
-                faults.append(f'{place}: a turn needs axis ("x", "y" or "z", with "-" before it for the other sense) and angle[deg]')
+                faults.append(
+                    f'{place}: a turn needs axis ("x", "y" or "z", with "-" before it for the other sense) and '
+                    f"angle[deg]"
+                )
                 continue
         out.append(Stretch(position, kind, start, end, u, azimuth, rate if kind == "spin" else 0.0, axis, angle, row))
     by_time = sorted(out, key=lambda s: s.start)

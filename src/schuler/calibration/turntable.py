@@ -118,10 +118,15 @@ def calibrate(imu: Table, positions: Table, settings: TurntableSettings | None =
 
 
 def calibrate_outputs(
-    time: Array, outputs: Array, gyro: Array | None, stretches: Sequence[Stretch], settings: TurntableSettings,
+    time: Array,
+    outputs: Array,
+    gyro: Array | None,
+    stretches: Sequence[Stretch],
+    settings: TurntableSettings,
     notes: Sequence[str] = (),
-) -> TurntableResult:  # fmt: skip
-    """The same from plain arrays: outputs (n, k) m/s^2 of k accelerometers, gyro (n, 3) rad/s or None; a row stamped t is
+) -> TurntableResult:
+    """The same from plain arrays: outputs (n, k) m/s^2 of k accelerometers, gyro (n, 3) rad/s or None; a row stamped
+    t is
     the mean over the interval that ends there."""
     said = list(notes)
     e = np.asarray(settings.directions, dtype=np.float64)
@@ -134,7 +139,8 @@ def calibrate_outputs(
     if len(inside) < len(stretches):
         lost = next(s for s in stretches if s not in inside)
         raise InputError(
-            f"{lost.name} lies outside the recording, which runs from {time[0]:.1f} to {time[-1]:.1f} s; correct start[s] "
+            f"{lost.name} lies outside the recording, which runs from {time[0]:.1f} to {time[-1]:.1f} s; "
+            f"correct start[s] "
             "and end[s] in the positions table"
         )
     spins = [s for s in stretches if s.kind == "spin"]
@@ -142,7 +148,9 @@ def calibrate_outputs(
     if not spins:
         raise InputError('the positions table has no row of kind "spin": lever arms show in spins only')
     if not stills:
-        raise InputError('the positions table has no row of kind "still": without stops bias and gravity hide the levers')
+        raise InputError(
+            'the positions table has no row of kind "still": without stops bias and gravity hide the levers'
+        )
     if settings.check:
         checks.saturated(middle, outputs, stretches)
         if gyro is not None and np.ptp(gyro) > 0.0:
@@ -165,7 +173,8 @@ def calibrate_outputs(
     for i, found in enumerate(levers):
         if found.dof > 0 and found.chi2 > _limit(found.dof):
             said.append(
-                f"accelerometer {_name(i)}: the positions disagree by {np.sqrt(found.chi2 / found.dof):.1f} times the noise "
+                f"accelerometer {_name(i)}: the positions disagree by {np.sqrt(found.chi2 / found.dof):.1f} "
+                f"times the noise "
                 "(axis errors, drift or heating); its sigmas are enlarged by that much"
             )
     return TurntableResult(levers, constants, np.sqrt(noise), tilt, said)
@@ -187,7 +196,8 @@ def _limit(dof: int) -> float:
 
 @dataclass(frozen=True)
 class _Spin:
-    """scatter: (duration of a turn, (turns, k) constants turn by turn); white (k,): rms of a row about the fit, and dt."""
+    """scatter: (duration of a turn, (turns, k) constants turn by turn); white (k,): rms of a row about the fit, and
+    dt."""
 
     stretch: Stretch
     value: Array
@@ -222,9 +232,18 @@ def _spin(middle: Array, outputs: Array, s: Stretch) -> _Spin:
     normal, right, square = np.empty((turns, BASIS, BASIS)), np.empty((turns, BASIS, k)), np.empty(k)
     offset = outputs[first:last].mean(axis=0)  # removed before squares are summed
     harmonic_sums(
-        middle[first:last], outputs[first:last] - offset, 0, last - first, begin, s.azimuth + s.rate * (begin - s.start),
-        s.rate, turns, normal, right, square,
-    )  # fmt: skip
+        middle[first:last],
+        outputs[first:last] - offset,
+        0,
+        last - first,
+        begin,
+        s.azimuth + s.rate * (begin - s.start),
+        s.rate,
+        turns,
+        normal,
+        right,
+        square,
+    )
     N, r = normal.sum(axis=0), right.sum(axis=0)
     x = np.linalg.solve(N, r)
     rows = float(N[0, 0])
@@ -243,7 +262,7 @@ class _Stop:
 
 def _stops(
     middle: Array, outputs: Array, stills: Sequence[Stretch], block: float
-) -> tuple[list[_Stop], list[tuple[Array, Array]]]:  # fmt: skip
+) -> tuple[list[_Stop], list[tuple[Array, Array]]]:
     stops, blocks = [], []
     for s in stills:
         first, last = np.searchsorted(middle, [s.start, s.end])
@@ -303,7 +322,8 @@ def _rest_constants(
         fitted.append((name, group, x, C))
     if few:
         notes.append(
-            f"position {', '.join(few)}: fewer than three stops round the table, so a tilt of its axis stays in A0; stop at "
+            f"position {', '.join(few)}: fewer than three stops round the table, so a tilt of its axis stays "
+            f"in A0; stop at "
             "eight azimuths"
         )
     extra = np.ones(noise.size)
@@ -313,7 +333,8 @@ def _rest_constants(
         extra = np.where(worse, ratio, 1.0)
         if worse.any():
             notes.append(
-                f"the stops scatter {np.sqrt(extra.max()):.1f} times more than their noise (settling, drift or the table's "
+                f"the stops scatter {np.sqrt(extra.max()):.1f} times more than their noise (settling, drift or "
+                f"the table's "
                 "stopping accuracy); the sigma of A0 is enlarged by that much"
             )
     constants, tilt = [], {}
@@ -347,7 +368,8 @@ def _missing_stops(constants: Sequence[Constant]) -> list[str]:
     spun = [name for name in lone if 0.0 not in rates[name]]
     if len(spun) == len([n for n, r in rates.items() if r != {0.0}]):
         raise InputError(
-            f"no position has both stops and a spin (position {spun[0]} has no stops): add rows of kind \"still\" with its "
+            f"no position has both stops and a spin (position {spun[0]} has no stops): add rows of kind "
+            f'"still" with its '
             "gamma and beta"
         )
     if spun:
@@ -396,7 +418,7 @@ def _solve(constants: Sequence[Constant], i: int, e: Array, settings: TurntableS
         others = [c for c, k in zip(constants, keep, strict=True) if k]
         columns = [0, 1, 2] + [3 + j for j, n in enumerate(names) if n != name]
         left, _, _, blind_left, _, _ = _eliminate(
-            A[np.ix_(np.flatnonzero(keep), columns)], y[keep], sigma[keep], [n for n in names if n != name], others
+            A[keep][:, columns], y[keep], sigma[keep], [n for n in names if n != name], others
         )
         row = positions[name]
         if blind_left.size and np.linalg.norm(row @ blind_left) > 1e-3 * np.linalg.norm(row):
@@ -408,7 +430,7 @@ def _solve(constants: Sequence[Constant], i: int, e: Array, settings: TurntableS
 
 def _eliminate(
     A: Array, y: Array, sigma: Array, names: Sequence[str], constants: Sequence[Constant]
-) -> tuple[Array, Array, NDArray[np.bool_], Array, float, int]:  # fmt: skip
+) -> tuple[Array, Array, NDArray[np.bool_], Array, float, int]:
     """Weighted least squares for rho with one free constant a position.
 
     Returns rho (its smallest solution), covariance, which components are observable, the directions that are not,

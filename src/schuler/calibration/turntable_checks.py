@@ -48,7 +48,8 @@ def saturated(time: Array, outputs: Array, stretches: Sequence[Stretch]) -> None
                 runs = np.diff(np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int))))[::2]
                 if runs.max() >= 5:
                     raise InputError(
-                        f"accelerometer {_axis(i)} stays at its {word} value, {edge:.4g} m/s^2, for {int(at.sum())} rows of the "
+                        f"accelerometer {_axis(i)} stays at its {word} value, {edge:.4g} m/s^2, for "
+                        f"{int(at.sum())} rows of the "
                         f"{s.name}: it is saturated there; spin slower or use a wider range"
                     )
 
@@ -77,7 +78,9 @@ def still(time: Array, gyro: Array, outputs: Array, stills: Sequence[Stretch], g
     means = np.array([_mean(time, gyro, s) for s in stills])
     usual = np.nanmedian(means, axis=0)
     spread = 1.4826 * np.nanmedian(np.abs(means - usual), axis=0)
-    quiet = np.median([np.std(outputs[slice(*np.searchsorted(time, [s.start, s.end]))], axis=0) for s in stills], axis=0)
+    quiet = np.median(
+        [np.std(outputs[slice(*np.searchsorted(time, [s.start, s.end]))], axis=0) for s in stills], axis=0
+    )
     for s, mean in zip(stills, means, strict=True):
         off = np.abs(mean - usual)
         blocks = _blocks(time, gyro, s, max(1.0, (s.end - s.start) / 60.0))[1]
@@ -86,7 +89,8 @@ def still(time: Array, gyro: Array, outputs: Array, stills: Sequence[Stretch], g
         moving = np.std(outputs[slice(*np.searchsorted(time, [s.start, s.end]))], axis=0)
         if np.any(off > _STILL + 8.0 * spread) or np.any(jump > 5.0 * _STILL + 8.0 * scatter):
             raise InputError(
-                f"the {s.name} was not still: its gyros turn by up to {np.rad2deg(max(off.max(), jump.max())):.2f} deg/s; move "
+                f"the {s.name} was not still: its gyros turn by up to "
+                f"{np.rad2deg(max(off.max(), jump.max())):.2f} deg/s; move "
                 "start[s] and end[s] to where the table stands"
             )
         if np.any(moving > 6.0 * quiet + 2e-3 * gravity):
@@ -105,20 +109,23 @@ def rates(time: Array, gyro: Array, spins: Sequence[Stretch], stills: Sequence[S
         s = wrong[0]
         if len(wrong) == len(spins) and all(_angle(-seen[k], k.rate * k.u) < _AWAY for k in spins):
             raise InputError(
-                "every spin shows the opposite sense: the gyros are flipped or rate[deg/s] has the wrong sign (positive is "
+                "every spin shows the opposite sense: the gyros are flipped or rate[deg/s] has the wrong sign "
+                "(positive is "
                 "counter-clockwise seen from above)"
             )
         found = _permutation([seen[k] for k in spins], [k.rate * k.u for k in spins])
         more = f"; it fits if the recording's axes are {found}: reorder the columns" if found else ""
         raise InputError(
-            f"the {s.name} turns about {_vector(seen[s])} of the gyros, the plan says {_vector(s.rate * s.u)}: axes swapped or "
+            f"the {s.name} turns about {_vector(seen[s])} of the gyros, the plan says {_vector(s.rate * s.u)}: "
+            f"axes swapped or "
             f"flipped, or a wrong gamma or beta{more}"
         )
     for s in spins:
         along = float(seen[s] @ s.u)
         if abs(along / s.rate - 1.0) > 0.05:
             raise InputError(
-                f"the {s.name}: the gyros show {np.rad2deg(along):.3f} deg/s where the plan says {np.rad2deg(s.rate):.3f}; "
+                f"the {s.name}: the gyros show {np.rad2deg(along):.3f} deg/s where the plan says "
+                f"{np.rad2deg(s.rate):.3f}; "
                 "correct rate[deg/s], or the gyros' unit"
             )
         times, means = _blocks(time, gyro @ s.u, s, max(1.0, (s.end - s.start) / 200.0))
@@ -131,7 +138,8 @@ def rates(time: Array, gyro: Array, spins: Sequence[Stretch], stills: Sequence[S
             longest = max(runs, key=len)
             raise InputError(
                 f"the {s.name}: the table did not hold its rate, {int(off.sum())} of {off.size} parts are more than "
-                f"{100 * _HELD:g} % off (worst {np.rad2deg(means[int(np.argmax(np.abs(means - usual)))] - rest @ s.u):.2f} deg/s at "
+                f"{100 * _HELD:g} % off (worst "
+                f"{np.rad2deg(means[int(np.argmax(np.abs(means - usual)))] - rest @ s.u):.2f} deg/s at "
                 f"{times[int(np.argmax(np.abs(means - usual)))]:.0f} s); it held from {times[longest[0]]:.0f} to "
                 f"{times[longest[-1]]:.0f} s: set start[s] and end[s] to that"
             )
@@ -145,12 +153,11 @@ def gravity(time: Array, outputs: Array, stills: Sequence[Stretch], e: Array, g:
     for s in stills:
         f = to_force @ _mean(time, outputs, s)
         if _angle(f, s.u) > _AWAY:
-            found = _permutation(
-                [to_force @ _mean(time, outputs, k) for k in stills], [g * k.u for k in stills]
-            )  # fmt: skip
+            found = _permutation([to_force @ _mean(time, outputs, k) for k in stills], [g * k.u for k in stills])
             more = f"; it fits if the recording's axes are {found}: reorder the columns" if found else ""
             raise InputError(
-                f"the {s.name}: the accelerometers put up at {_vector(f)}, gamma and beta say {_vector(s.u)}: axes swapped or "
+                f"the {s.name}: the accelerometers put up at {_vector(f)}, gamma and beta say {_vector(s.u)}: "
+                f"axes swapped or "
                 f"flipped, or a wrong gamma or beta{more}"
             )
 
@@ -172,11 +179,14 @@ def spins(rows: Sequence[Stretch]) -> list[str]:
     if one:
         w = min(abs(s.rate) for s in rows)
         notes.append(
-            f"position {', '.join(one)} spins one way only: the Earth's rate stays in, up to {200.0 * 7.292115e-5 / w:.3f} % of a "
+            f"position {', '.join(one)} spins one way only: the Earth's rate stays in, up to "
+            f"{200.0 * 7.292115e-5 / w:.3f} % of a "
             "lever; spin both ways, or set lat_deg"
         )
     if unequal:
-        notes.append(f"position {', '.join(unequal)}: the two spins differ in length or rate; each is weighted by itself")
+        notes.append(
+            f"position {', '.join(unequal)}: the two spins differ in length or rate; each is weighted by itself"
+        )
     return notes
 
 
@@ -194,5 +204,7 @@ def _permutation(seen: Sequence[Array], wanted: Sequence[Array]) -> str:
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
             if all(_angle(np.array(signs) * a[list(order)], b) < _AWAY for a, b in zip(seen, wanted, strict=True)):
-                return "(" + ", ".join(("-" if s < 0 else "") + "xyz"[o] for o, s in zip(order, signs, strict=True)) + ")"
+                return (
+                    "(" + ", ".join(("-" if s < 0 else "") + "xyz"[o] for o, s in zip(order, signs, strict=True)) + ")"
+                )
     return ""

@@ -18,10 +18,12 @@ def calibrate(path: Path, out: Path | None, design: int | None) -> None:
     word = "calibration" if design is None else "design"
     target = check_target(out if out is not None else plan.folder / f"{plan.plan.name}-{word}")
     if design is not None:
+        from schuler.studies.calibration_design import design_lines, design_plan
+
         with steps() as progress:
-            designed = calibration.design_plan(plan, design, progress)
+            designed = design_plan(plan, design, progress)
             designed.write(target, progress)
-        for line in calibration.design_lines(designed):
+        for line in design_lines(designed):
             print(line)
         print(f"wrote {target / 'design.csv'}, {target / 'report.html'}")
         return
@@ -44,7 +46,7 @@ def allan(file: Path, tau: str | None, out: Path | None, kind: str, rate_hz: flo
     from schuler.studies import allan as work
 
     if kind not in KINDS:
-        raise StudyError(f'--kind {kind}: type one of {", ".join(KINDS)}')
+        raise StudyError(f"--kind {kind}: type one of {', '.join(KINDS)}")
     times = _times(tau)
     stem = file.name.split(".")[0] or "recording"
     target = check_target(out if out is not None else file.parent / f"{stem}-allan")
@@ -69,5 +71,7 @@ def _times(text: str | None) -> list[float] | None:
         try:
             out.append(float(word))
         except ValueError:
-            raise StudyError(f'--tau: "{word.strip()}" is not a number; type averaging times in s, e.g. --tau 0.1,1,10') from None
+            raise StudyError(
+                f'--tau: "{word.strip()}" is not a number; type averaging times in s, e.g. --tau 0.1,1,10'
+            ) from None
     return out

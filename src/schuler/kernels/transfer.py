@@ -13,7 +13,8 @@ def transfer(gyro, dt, first, last, bias0, bias1, inverse, g_sense, force, start
     """out (t, 3): each start (t, 3) of body axes at row first[t], seen from body axes at row last[t].
 
     Rates (inverse)(gyro - bias - g_sense force), with the bias going linearly from bias0[t] to bias1[t], are means over
-    their interval dt[i] (s), with the coning term of this and the row before. Rows first[t] <= i < last[t] belong to turn t.
+    their interval dt[i] (s), with the coning term of this and the row before. Rows first[t] <= i < last[t] belong to
+    turn t.
     """
     v = np.empty(3)
     w = np.empty(3)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from schuler.published import sins_alignment, sins_errata, sins_errors, sins_kinematics, sins_navigation
+from schuler.published import sins_alignment, sins_calibration, sins_errata, sins_errors, sins_kinematics, sins_navigation
 from schuler.published.ledger import Row
 
 TITLE = "Master thesis on the accuracy of strapdown INS: alignment, algorithms, error model, size effect, optics (2022)"
@@ -22,6 +22,7 @@ def rows(progress: Callable[[str], None] | None = None) -> list[Row]:
         ("thesis: navigation equations", sins_navigation.rows),
         ("thesis: listing A.1", sins_navigation.listing_rows),
         ("thesis: error growth, three runs of 4 h", sins_errors.rows),
+        ("thesis: size effect and turntable", sins_calibration.rows),
         ("thesis: errata of chapters 4 and 5", sins_errata.rows),
     ):
         if progress is not None:

@@ -13,7 +13,15 @@ from numpy.typing import NDArray
 from schuler import __version__
 from schuler.ground.errors import InputError
 from schuler.ground.tables import Table
-from schuler.ground.units import ARCSEC, DEG_PER_H, DEG_PER_H_PER_SQRT_H, DEG_PER_SQRT_H, MPS_PER_SQRT_H, UG, UG_PER_SQRT_H
+from schuler.ground.units import (
+    ARCSEC,
+    DEG_PER_H,
+    DEG_PER_H_PER_SQRT_H,
+    DEG_PER_SQRT_H,
+    MPS_PER_SQRT_H,
+    UG,
+    UG_PER_SQRT_H,
+)
 from schuler.studies.run import Progress, silent
 
 if TYPE_CHECKING:
@@ -76,7 +84,9 @@ def steady(table: Table) -> tuple[float, dict[str, Array], list[str]]:
     increments = table.kind == "increments" or "dtheta_x" in table
     step = np.diff(time)
     dt = float(np.median(step))
-    names = [f"{s}_{a}" for s in (("dtheta", "dv") if increments else ("gyro", "accel")) for a in AXES if f"{s}_{a}" in table]
+    names = [
+        f"{s}_{a}" for s in (("dtheta", "dv") if increments else ("gyro", "accel")) for a in AXES if f"{s}_{a}" in table
+    ]
     values = table.stack(*names)
     notes: list[str] = []
     if increments:
@@ -91,7 +101,8 @@ def steady(table: Table) -> tuple[float, dict[str, Array], list[str]]:
         a, b = int(edges[k]), int(edges[k + 1])
         if wide.size:
             notes.append(
-                f"{wide.size} gaps of more than {_FILL} rows; the longest stretch without one is used, {time[a]:.1f} to "
+                f"{wide.size} gaps of more than {_FILL} rows; the longest stretch without one is used, "
+                f"{time[a]:.1f} to "
                 f"{time[b - 1]:.1f} s"
             )
         time, values = time[a:b], values[a:b]
@@ -121,12 +132,19 @@ def _moving(columns: dict[str, Array], rate: float) -> list[str]:
             moved.append(f"{name} at {(int(np.argmax(jumps)) + 1):d} s after the start")
     if not moved:
         return []
-    return [f"the recording was not at rest all the time ({', '.join(moved[:3])}): the figures show that motion too; cut it out"]
+    return [
+        f"the recording was not at rest all the time ({', '.join(moved[:3])}): the figures show that motion "
+        f"too; cut it out"
+    ]
 
 
 def analyse(
-    table: Table, name: str, tau: Sequence[float] | None = None, kind: Kind = "oadev", progress: Progress = silent,
-) -> AllanResult:  # fmt: skip
+    table: Table,
+    name: str,
+    tau: Sequence[float] | None = None,
+    kind: Kind = "oadev",
+    progress: Progress = silent,
+) -> AllanResult:
     """Deviation and fit of all columns of an imu table."""
     from schuler.calibration.allan import deviation
     from schuler.calibration.allan_fit import fit
@@ -171,10 +189,13 @@ def sensor_told(sensor: str, dev: Deviation, fit: NoiseFit) -> dict[str, Any]:
     correlated = None
     if fit.correlated is not None and fit.correlated_tau is not None:
         correlated = {
-            "sigma": fit.correlated.value / factor, "sigma_low": fit.correlated.low / factor,
-            "sigma_high": fit.correlated.high / factor, "tau_s": fit.correlated_tau.value,
-            "tau_s_low": fit.correlated_tau.low, "tau_s_high": fit.correlated_tau.high,
-        }  # fmt: skip
+            "sigma": fit.correlated.value / factor,
+            "sigma_low": fit.correlated.low / factor,
+            "sigma_high": fit.correlated.high / factor,
+            "tau_s": fit.correlated_tau.value,
+            "tau_s_low": fit.correlated_tau.low,
+            "tau_s_high": fit.correlated_tau.high,
+        }
     terms["correlated"] = correlated
     return {
         "unit": unit,
@@ -201,9 +222,17 @@ def imu_section(sensors: dict[str, tuple[Deviation, NoiseFit]], name: str, rate:
         return lambda f: f.terms[which].value if which in f.terms else None
 
     for kind, walk, walk_unit, unit, size, rrw, rrw_unit in (
-        ("gyro", "gyro_arw_deg_per_sqrt_h", DEG_PER_SQRT_H, "deg_per_h", DEG_PER_H, "gyro_rrw_deg_per_h_per_sqrt_h", DEG_PER_H_PER_SQRT_H),
+        (
+            "gyro",
+            "gyro_arw_deg_per_sqrt_h",
+            DEG_PER_SQRT_H,
+            "deg_per_h",
+            DEG_PER_H,
+            "gyro_rrw_deg_per_h_per_sqrt_h",
+            DEG_PER_H_PER_SQRT_H,
+        ),
         ("accel", "accel_vrw_mps_per_sqrt_h", MPS_PER_SQRT_H, "ug", UG, "accel_rrw_ug_per_sqrt_h", UG_PER_SQRT_H),
-    ):  # fmt: skip
+    ):
         one(walk, kind, term("random_walk"), walk_unit)
 
         def in_run(f: Any) -> float | None:
@@ -216,7 +245,10 @@ def imu_section(sensors: dict[str, tuple[Deviation, NoiseFit]], name: str, rate:
         one(f"{kind}_instability_{unit}", kind, in_run, size)
         fits = [f for s, (_, f) in sensors.items() if s.startswith(kind)]
         # A Gauss-Markov process has the top of its deviation at 1.89 time constants.
-        times = [f.correlated_tau.value if f.correlated_tau is not None else f.floor_tau / 1.89 if f.floor_tau else None for f in fits]
+        times = [
+            f.correlated_tau.value if f.correlated_tau is not None else f.floor_tau / 1.89 if f.floor_tau else None
+            for f in fits
+        ]
         known = [t for t in times if t is not None]
         if known and any(in_run(f) for f in fits):
             lines.append(f"{kind}_tau_s = {float(np.median(known)):.4g}")
@@ -232,9 +264,15 @@ def lines(result: AllanResult) -> list[str]:
         walk = f["arw_deg_per_sqrt_h" if gyro else "vrw_mps_per_sqrt_h"]
         low = f["arw_deg_per_sqrt_h_low" if gyro else "vrw_mps_per_sqrt_h_low"]
         bias = f["bias_instability_deg_per_h" if gyro else "bias_instability_ug"]
-        word = "random walk not seen" if walk is None else (
-            f"{walk:.4g} +- {walk - low:.2g} {'deg/sqrt(h)' if gyro else 'm/s/sqrt(h)'}")  # fmt: skip
-        more = "no floor reached" if bias is None else (
-            f"floor/0.664 {bias:.3g} {'deg/h' if gyro else 'ug'} at {told['floor_tau_s']:.3g} s")  # fmt: skip
+        word = (
+            "random walk not seen"
+            if walk is None
+            else (f"{walk:.4g} +- {walk - low:.2g} {'deg/sqrt(h)' if gyro else 'm/s/sqrt(h)'}")
+        )
+        more = (
+            "no floor reached"
+            if bias is None
+            else (f"floor/0.664 {bias:.3g} {'deg/h' if gyro else 'ug'} at {told['floor_tau_s']:.3g} s")
+        )
         out.append(f"  {sensor:8s} {word}, {more}")
     return out

@@ -17,8 +17,8 @@ from schuler.studies.run import Progress, silent
 
 if TYPE_CHECKING:
     from schuler.calibration.corrections import Calibration
-    from schuler.calibration.multiposition import MultipositionResult
-    from schuler.calibration.plan_design import Design, TableModel
+    from schuler.calibration.gyros import MultipositionResult
+    from schuler.calibration.plan_design import TableModel
     from schuler.calibration.turntable import TurntableResult
     from schuler.studies.calibration_plan import Plan
 
@@ -65,9 +65,15 @@ def read_inputs(plan: Plan, progress: Progress = silent) -> tuple[Table, Table |
         raise StudyError(f'[input] imu: "{given.imu}" does not exist (looked in {plan.folder})')
     progress(f"reading {path.name}")
     imu = read_table(
-        path, "imu", gyro_unit=given.gyro_unit, accel_unit=given.accel_unit, trust_units=given.trust_units,
-        rate_hz=given.rate_hz, scale_gyro_deg_per_s=given.scale_gyro_deg_per_s, scale_accel_g=given.scale_accel_g,
-    )  # fmt: skip
+        path,
+        "imu",
+        gyro_unit=given.gyro_unit,
+        accel_unit=given.accel_unit,
+        trust_units=given.trust_units,
+        rate_hz=given.rate_hz,
+        scale_gyro_deg_per_s=given.scale_gyro_deg_per_s,
+        scale_accel_g=given.scale_accel_g,
+    )
     positions = None
     if given.positions is not None:
         place = plan.folder / given.positions
@@ -80,7 +86,7 @@ def read_inputs(plan: Plan, progress: Progress = silent) -> tuple[Table, Table |
 def calibrate(plan: Plan, progress: Progress = silent) -> Calibrated:
     """Runs a plan. InputError and StudyError say what to type."""
     if plan.plan.kind == "turntable" and plan.input.positions is None:
-        raise StudyError('[input] positions is absent: a turntable plan needs the table of stops and spins')
+        raise StudyError("[input] positions is absent: a turntable plan needs the table of stops and spins")
     imu, positions = read_inputs(plan, progress)
     progress("calibrating")
     done = _turntable(plan, imu, positions) if plan.plan.kind == "turntable" else _multiposition(plan, imu, positions)
@@ -96,9 +102,12 @@ def _turntable(plan: Plan, imu: Table, positions: Table | None) -> Calibrated:
     directions = np.array([p.accel_x_direction, p.accel_y_direction, p.accel_z_direction])
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     settings = turntable.TurntableSettings(
-        directions=directions, origin=tuple(1e-3 * x for x in p.origin_mm), gravity=plan.gravity,
-        latitude=None if p.lat_deg is None else p.lat_deg * DEG, check=p.check,
-    )  # fmt: skip
+        directions=directions,
+        origin=(1e-3 * p.origin_mm[0], 1e-3 * p.origin_mm[1], 1e-3 * p.origin_mm[2]),
+        gravity=plan.gravity,
+        latitude=None if p.lat_deg is None else p.lat_deg * DEG,
+        check=p.check,
+    )
     result = turntable.calibrate(imu, positions, settings)
     parameters, blocks = [], []
     for i, lever in enumerate(result.levers):
@@ -114,21 +123,30 @@ def _turntable(plan: Plan, imu: Table, positions: Table | None) -> Calibrated:
     from schuler.calibration.multiposition import rms
 
     calibration = Calibration(
-        p.name, parameters, _block_diagonal(blocks), rms(residuals), rms(left),
+        p.name,
+        parameters,
+        _block_diagonal(blocks),
+        rms(residuals),
+        rms(left),
         max(lever.condition for lever in result.levers),
         more={
             "conditions": [lever.condition for lever in result.levers],
             "noise_mps_per_sqrt_h": (result.noise / MPS_PER_SQRT_H).tolist(),
             "table_tilt_arcmin": {k: v / ARCMIN for k, v in result.tilt.items()},
             "constants": [
-                {"position": c.position, "rate_deg_per_s": c.rate / DEG, "turns": c.turns,
-                 "mean_mps2": c.value.tolist(), "std_mps2": np.sqrt(c.variance).tolist()}
+                {
+                    "position": c.position,
+                    "rate_deg_per_s": c.rate / DEG,
+                    "turns": c.turns,
+                    "mean_mps2": c.value.tolist(),
+                    "std_mps2": np.sqrt(c.variance).tolist(),
+                }
                 for c in result.constants
             ],
             "budget_mm": _budget(plan, result, positions),
         },
         notes=notes,
-    )  # fmt: skip
+    )
     return Calibrated(plan, calibration, result, calibration.as_dict(made_by(plan)), notes)
 
 
@@ -147,7 +165,9 @@ def settings_of(positions: Table) -> Array:
     seen: dict[str, tuple[float, float]] = {}
     for row in range(len(positions)):
         if str(positions["kind"][row]) == "spin":
-            seen.setdefault(str(positions["position"][row]), (float(positions["gamma"][row]), float(positions["beta"][row])))
+            seen.setdefault(
+                str(positions["position"][row]), (float(positions["gamma"][row]), float(positions["beta"][row]))
+            )
     return np.array(list(seen.values()))
 
 
@@ -214,13 +234,19 @@ def table_model(plan: Plan) -> TableModel:
         rate=t.rate_deg_per_s * DEG,
         gammas=default.gammas if t.gammas_deg is None else tuple(g * DEG for g in t.gammas_deg),
         betas=default.betas if t.betas_deg is None else tuple(b * DEG for b in t.betas_deg),
-        still=t.still_s, stops=t.stops, spin=t.spin_s, both_ways=t.both_ways, move=t.move_s,
+        still=t.still_s,
+        stops=t.stops,
+        spin=t.spin_s,
+        both_ways=t.both_ways,
+        move=t.move_s,
         noise=t.accel_vrw_mps_per_sqrt_h * MPS_PER_SQRT_H,
         directions=directions / np.linalg.norm(directions, axis=1)[:, None],
-        angle_error=t.angle_error_arcmin * ARCMIN, rate_error=t.rate_error_ppm * PPM,
-        stop_error=t.stop_error_arcmin * ARCMIN, tilt=t.tilt_arcmin * ARCMIN,
+        angle_error=t.angle_error_arcmin * ARCMIN,
+        rate_error=t.rate_error_ppm * PPM,
+        stop_error=t.stop_error_arcmin * ARCMIN,
+        tilt=t.tilt_arcmin * ARCMIN,
         latitude=None if p.lat_deg is None else p.lat_deg * DEG,
-    )  # fmt: skip
+    )
 
 
 def _budget(plan: Plan, result: TurntableResult, positions: Table) -> dict[str, Any]:
@@ -274,22 +300,32 @@ def _multiposition(plan: Plan, imu: Table, positions: Table | None) -> Calibrate
     if "temperature" in imu and not p.temperature:
         notes += warming(imu.time, imu["temperature"])
     if p.gravity_mps2 is None and p.lat_deg is None:
-        notes.append("gravity taken as the standard 9.80665 m/s^2: give gravity_mps2 or lat_deg, it may be 0.3 % off elsewhere")
+        notes.append(
+            "gravity taken as the standard 9.80665 m/s^2: give gravity_mps2 or lat_deg, it may be 0.3 % off elsewhere"
+        )
     hidden = [q.name for q in parameters if not q.observable]
     if hidden:
         notes.append(
-            f"not observable with these rests, taken as zero: {', '.join(hidden)}; add rests with the axes oblique to gravity"
-            + (" and turns about each axis" if any(h.startswith("gyro") for h in hidden) else "")
+            f"not observable with these rests, taken as zero: {', '.join(hidden)}; add rests with the axes "
+            f"oblique to gravity" + (" and turns about each axis" if any(h.startswith("gyro") for h in hidden) else "")
         )
     calibration = Calibration(
-        p.name, parameters, _block_diagonal(blocks), mp.rms(accel.residuals), mp.rms(accel.holdout), accel.condition,
-        temperature=reference_temperature, more=more, notes=notes,
-    )  # fmt: skip
+        p.name,
+        parameters,
+        _block_diagonal(blocks),
+        mp.rms(accel.residuals),
+        mp.rms(accel.holdout),
+        accel.condition,
+        temperature=reference_temperature,
+        more=more,
+        notes=notes,
+    )
     return Calibrated(plan, calibration, result, calibration.as_dict(made_by(plan)), notes)
 
 
 def run_multiposition(imu: Table, positions: Table | None, plan: Plan) -> tuple[MultipositionResult, float | None]:
     """Rests found or given, then accelerometers, then gyros. Also the temperature that biases refer to."""
+    from schuler.calibration import gyros
     from schuler.calibration import multiposition as mp
     from schuler.calibration.rests import find_rests, rest_of
     from schuler.calibration.stretches import stretches_of
@@ -304,23 +340,29 @@ def run_multiposition(imu: Table, positions: Table | None, plan: Plan) -> tuple[
     warm = imu["temperature"] if "temperature" in imu else None
     notes: list[str] = []
     found = find_rests(time, force, gyro, warm)
-    known: list[mp.Turn] = []
+    known: list[gyros.Turn] = []
     up = None
     if positions is not None:
         rows = stretches_of(positions, "multiposition")
-        cut = {s.name: tuple(np.searchsorted(time, [s.start, s.end])) for s in rows}
+        cut: dict[str, tuple[int, int]] = {}
+        for s in rows:
+            first, last = np.searchsorted(time, [s.start, s.end])
+            cut[s.name] = (int(first), int(last))
         for s in rows:
             if cut[s.name][1] - cut[s.name][0] < 10:
                 raise InputError(
-                    f"the {s.name} holds {cut[s.name][1] - cut[s.name][0]} rows of the recording, which runs from {time[0]:.1f} "
+                    f"the {s.name} holds {cut[s.name][1] - cut[s.name][0]} rows of the recording, which runs "
+                    f"from {time[0]:.1f} "
                     f"to {time[-1]:.1f} s; correct start[s] and end[s]"
                 )
-        known = [mp.Turn(*cut[s.name], 0, 0, s.axis, s.angle) for s in rows if s.kind == "turn"]
+        known = [gyros.Turn(*cut[s.name], 0, 0, s.axis, s.angle) for s in rows if s.kind == "turn"]
         stills = [s for s in rows if s.kind == "still"]
         if stills:
-            found_outside = [
-                r for r in found if all(r.end < s.start or r.start > s.end for s in stills)
-            ] if p.form != "full" else []  # fmt: skip
+            found_outside = (
+                [r for r in found if all(r.end < s.start or r.start > s.end for s in stills)]
+                if p.form != "full"
+                else []
+            )
             given = [rest_of(time, force, gyro, *cut[s.name], warm) for s in stills]
             _check_given(given, stills)
             found = sorted([*given, *found_outside], key=lambda r: r.start)
@@ -328,35 +370,40 @@ def run_multiposition(imu: Table, positions: Table | None, plan: Plan) -> tuple[
                 notes.append(f"{len(found_outside)} rests more than the positions table names were found and used")
             if p.form == "full":
                 if not all(np.all(np.isfinite(s.u)) for s in stills):
-                    raise InputError('form = "full" needs gamma[deg] and beta[deg] for every still row of the positions table')
+                    raise InputError(
+                        'form = "full" needs gamma[deg] and beta[deg] for every still row of the positions table'
+                    )
                 order = np.argsort([s.start for s in stills])
                 up = np.array([stills[i].u for i in order])
     if len(found) < 4:
         raise InputError(
-            f"{len(found)} still stretches of a second or more were found, too few for a calibration; rest the instrument for "
+            f"{len(found)} still stretches of a second or more were found, too few for a calibration; rest the "
+            f"instrument for "
             "a few seconds in at least six positions, better twelve or more, each axis up, down and oblique"
         )
     _saturated(found, time, force, gyro)
     sizes = np.array([np.linalg.norm(r.force) for r in found])
     if abs(float(np.median(sizes)) / plan.gravity - 1.0) > 0.2:
         raise InputError(
-            f"at rest the accelerometers show {np.median(sizes):.3g} m/s^2 where gravity is {plan.gravity:.4g}: give their unit, "
+            f"at rest the accelerometers show {np.median(sizes):.3g} m/s^2 where gravity is "
+            f"{plan.gravity:.4g}: give their unit, "
             'accel_unit = "g" or "m/s^2" in [input]'
         )
     accel = mp.fit_accelerometers(found, plan.gravity, form=p.form, temperature=p.temperature, up=up)
-    bias, bias_std = mp.gyro_bias(found)
-    turns = mp.turns_between(found)
-    fitted, told = None, []
+    bias, bias_std = gyros.gyro_bias(found)
+    turns = gyros.turns_between(found)
+    fitted: mp.SensorFit | None = None
+    told: list[tuple[gyros.Turn, Array]] = []
     if p.gyros and len(turns) + len(known) >= 3:
-        fitted, told = mp.fit_gyros(
+        fitted, told = gyros.fit_gyros(
             time, gyro, force, found, turns, accel, known=known, g_sensitivity=p.g_sensitivity
-        )  # fmt: skip
+        )
         if mp.rms(fitted.residuals) > 3.0 * DEG and mp.rms(fitted.before) > 20.0 * DEG:
             notes.append(_flipped(time, gyro, force, found, turns, accel))
     elif p.gyros:
         notes.append("too few turns between rests: the gyros' scale and misalignment were not fitted")
     reference = float(np.mean([r.temperature for r in found])) if p.temperature else None
-    result = mp.MultipositionResult(found, accel, fitted, bias, bias_std, turns, told, notes)
+    result = gyros.MultipositionResult(found, accel, fitted, bias, bias_std, turns, told, notes)
     return result, reference
 
 
@@ -367,8 +414,10 @@ def _check_given(rests: list[Any], stills: list[Any]) -> None:
     for r, s in zip(rests, stills, strict=True):
         if np.linalg.norm(r.scatter) > 8.0 * usual + 0.05 or np.max(np.abs(r.rate - rate)) > 0.05:
             raise InputError(
-                f"the {s.name} was not still: the accelerometers scatter by {np.linalg.norm(r.scatter):.2g} m/s^2 (usual "
-                f"{usual:.2g}), the gyros turn by {np.max(np.abs(r.rate - rate)) / DEG:.2g} deg/s; correct start[s] and end[s]"
+                f"the {s.name} was not still: the accelerometers scatter by {np.linalg.norm(r.scatter):.2g} "
+                f"m/s^2 (usual "
+                f"{usual:.2g}), the gyros turn by {np.max(np.abs(r.rate - rate)) / DEG:.2g} deg/s; correct "
+                f"start[s] and end[s]"
             )
 
 
@@ -379,9 +428,15 @@ def _saturated(rests: list[Any], time: Array, force: Array, gyro: Array) -> None
             for edge in (y.max(), y.min()):
                 at = np.concatenate([[False], y == edge, [False]])
                 runs = np.diff(np.flatnonzero(np.diff(at.astype(int))))[::2]
-                if np.ptp(y) > 0.0 and runs.size and runs.max() >= max(5, 0.05 / np.median(np.diff(time))) and len(np.unique(y)) > 100:
+                if (
+                    np.ptp(y) > 0.0
+                    and runs.size
+                    and runs.max() >= max(5, 0.05 / np.median(np.diff(time)))
+                    and len(np.unique(y)) > 100
+                ):
                     raise InputError(
-                        f"{word} {a} stays at its {'largest' if edge == y.max() else 'smallest'} value, {edge:.4g} {unit}, for "
+                        f"{word} {a} stays at its {'largest' if edge == y.max() else 'smallest'} value, "
+                        f"{edge:.4g} {unit}, for "
                         f"{int(runs.max())} rows on end: it is saturated; turn slower or use a wider range"
                     )
 
@@ -390,18 +445,23 @@ def _flipped(time: Array, gyro: Array, force: Array, rests: list[Any], turns: li
     """Which signed order of gyro axes explains the turns: axes swapped or flipped between gyros and accelerometers."""
     import itertools
 
+    from schuler.calibration import gyros
     from schuler.calibration import multiposition as mp
 
     best, word = np.inf, ""
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
             turned = np.ascontiguousarray(gyro[:, list(order)] * np.array(signs))
-            moved = [mp.rest_like(r, r.rate[list(order)] * np.array(signs)) for r in rests]
-            size = mp.rms(mp.transfer_angles(time, turned, force, moved, turns, accel))
+            moved = [gyros.rest_like(r, r.rate[list(order)] * np.array(signs)) for r in rests]
+            size = mp.rms(gyros.transfer_angles(time, turned, force, moved, turns, accel))
             if size < best:
-                best, word = size, "(" + ", ".join(("-" if s < 0 else "") + AXES[o] for o, s in zip(order, signs, strict=True)) + ")"
+                best, word = (
+                    size,
+                    "(" + ", ".join(("-" if s < 0 else "") + AXES[o] for o, s in zip(order, signs, strict=True)) + ")",
+                )
     return (
-        f"the gyros do not turn gravity as the accelerometers saw it: axes swapped or flipped; with the gyros taken as {word} "
+        f"the gyros do not turn gravity as the accelerometers saw it: axes swapped or flipped; with the gyros "
+        f"taken as {word} "
         f"the difference falls to {best / DEG:.2g} deg: reorder the columns and calibrate again"
     )
 
@@ -426,102 +486,7 @@ def lines(done: Calibrated) -> list[str]:
     gyro = t.get("gyro_transfer_deg")
     if gyro:
         out.append(
-            f"  gravity carried by the gyros from rest to rest: {gyro['before_rms']:.2f} deg before, {gyro['after_rms']:.3f} after (rms)"
-        )
-    return out
-
-
-# ---- design ----
-
-
-@dataclass
-class Designed:
-    """The best plan of k positions, what one more gains, and the thesis's five beside them."""
-
-    plan: Plan
-    design: Design
-    more: Design
-    thesis: Design
-    curve: list[tuple[int, float, float]]
-    table: TableModel
-
-    def positions(self) -> Table:
-        from schuler.truth.turntable import positions_table
-
-        t = self.plan.table
-        return positions_table(
-            [(float(g) / DEG, float(b) / DEG) for g, b in self.design.settings], rate_deg_per_s=t.rate_deg_per_s,
-            still_s=t.still_s, spin_s=t.spin_s, stops=t.stops, both_ways=t.both_ways, move_s=t.move_s,
-        )  # fmt: skip
-
-    def write(self, out: Path, progress: Progress = silent) -> Path:
-        """design.csv, design.json and report.html."""
-        from schuler.io.results import json_text, result_folder
-        from schuler.io.tables import write_table
-        from schuler.report.calibration import design_page
-
-        progress("drawing the page")
-        page = design_page(self)
-        with result_folder(out) as folder:
-            write_table(folder / "design.csv", self.positions())
-            (folder / "calibration.json").write_text(json_text(self.told()), encoding="utf-8", newline="\n")
-            (folder / "report.html").write_text(page, encoding="utf-8", newline="\n")
-        return out
-
-    def told(self) -> dict[str, Any]:
-        def of(d: Design) -> dict[str, Any]:
-            return {
-                "positions_deg": (d.settings / DEG).tolist(), "std_mm": (1e3 * d.std).tolist(), "rms_mm": 1e3 * d.score,
-                "condition": d.condition.tolist(), "table_time_s": d.time,
-            }  # fmt: skip
-
-        return {
-            "plan": self.plan.plan.name, "made_by": made_by(self.plan), "design": of(self.design),
-            "one_more": of(self.more), "thesis": of(self.thesis),
-            "curve": [{"positions": k, "rms_mm": 1e3 * s, "table_time_s": t} for k, s, t in self.curve],
-        }  # fmt: skip
-
-
-def design_plan(plan: Plan, k: int, progress: Progress = silent) -> Designed:
-    """The best k positions for the plan's table."""
-    from schuler.calibration import plan_design
-    from schuler.truth.turntable import THESIS_PLAN
-
-    if plan.plan.kind != "turntable":
-        raise StudyError('--design needs [plan] kind = "turntable"; a multiposition plan has no table to set')
-    if not 1 <= k <= 60:
-        raise StudyError(f"--design {k}: type how many positions, 1 to 60")
-    table = table_model(plan)
-    progress("searching positions")
-    best = plan_design.design(k, table)
-    curve = []
-    for n in range(max(2, k - 2), min(k + 4, 61)):
-        d = best if n == k else plan_design.design(n, table)
-        curve.append((n, d.score, d.time))
-    more = plan_design.one_more(best.settings, table)
-    thesis = plan_design.judge(np.deg2rad(np.array(THESIS_PLAN)), table)
-    return Designed(plan, best, more, thesis, curve, table)
-
-
-def design_lines(d: Designed) -> list[str]:
-    """What the terminal says."""
-    out = [f"best {len(d.design.settings)} positions (gamma, beta in deg), {d.design.time / 60:.0f} min of table time:"]
-    out.append("  " + "; ".join(f"{g / DEG:.0f}, {b / DEG:.0f}" for g, b in d.design.settings))
-    hidden = np.isinf(d.design.std)
-    if hidden.any():
-        names = [f"accel_{AXES[i]}_lever_{AXES[j]}" for i, j in np.argwhere(hidden)]
-        out.append(f"  not observable with so few: {', '.join(names)}")
-    else:
-        out.append(f"  sigma of a component from noise: {1e3 * d.design.score:.3g} mm rms, worst {1e3 * d.design.std.max():.3g} mm")
-    if np.isfinite(d.more.score):
-        g, b = d.more.settings[-1] if len(d.more.settings) else (0.0, 0.0)
-        extra = [s for s in d.more.settings.tolist() if s not in d.design.settings.tolist()] or [d.more.settings[-1].tolist()]
-        g, b = extra[0]
-        gain = "" if hidden.any() else f" ({100 * (1 - d.more.score / d.design.score):.0f} % less)"
-        out.append(f"  one more ({g / DEG:.0f}, {b / DEG:.0f}) would give {1e3 * d.more.score:.3g} mm rms{gain}")
-    same = d.design.score * np.sqrt(d.design.time / d.thesis.time)
-    if np.isfinite(same):
-        out.append(
-            f"  the thesis's five positions give {1e3 * d.thesis.score:.3g} mm rms; these, in the same table time, {1e3 * same:.3g}"
+            f"  gravity carried by the gyros from rest to rest: {gyro['before_rms']:.2f} deg before, "
+            f"{gyro['after_rms']:.3f} after (rms)"
         )
     return out

@@ -31,12 +31,18 @@ class PlanSection(Section):
     name: str = key("calibration", "what the result is called")
     kind: Literal["turntable", "multiposition"] = key(..., 'how it was recorded: "turntable" or "multiposition"')
     gravity_mps2: float | None = key(None, "local gravity; standard gravity where absent", "m/s^2", gt=9.7, lt=9.9)
-    lat_deg: float | None = key(None, "latitude of the laboratory, for gravity and the Earth's rate", "deg", ge=-90, le=90)
+    lat_deg: float | None = key(
+        None, "latitude of the laboratory, for gravity and the Earth's rate", "deg", ge=-90, le=90
+    )
     height_m: float = key(0.0, "height of the laboratory, with lat_deg", "m")
-    form: Literal["upper", "symmetric", "full"] = key("upper", "of the accelerometers' matrix; full needs gamma and beta")
+    form: Literal["upper", "symmetric", "full"] = key(
+        "upper", "of the accelerometers' matrix; full needs gamma and beta"
+    )
     temperature: bool = key(False, "fit a change of the accelerometer biases with temperature")
     g_sensitivity: bool = key(False, "fit the gyros' sensitivity to specific force, from the biases at the rests")
-    origin_mm: Three = key((0.0, 0.0, 0.0), "from where levers are counted to the table's centre, instrument axes", "mm")
+    origin_mm: Three = key(
+        (0.0, 0.0, 0.0), "from where levers are counted to the table's centre, instrument axes", "mm"
+    )
     accel_x_direction: Three = key((1.0, 0.0, 0.0), "sensitive direction of accelerometer x, instrument axes")
     accel_y_direction: Three = key((0.0, 1.0, 0.0), "sensitive direction of accelerometer y, instrument axes")
     accel_z_direction: Three = key((0.0, 0.0, 1.0), "sensitive direction of accelerometer z, instrument axes")
@@ -59,7 +65,9 @@ class TableSection(Section):
     """The turntable and the procedure, for --design and the error budget."""
 
     rate_deg_per_s: float = key(20.0, "of the spins", "deg/s", gt=0)
-    gammas_deg: Angles | None = key(None, "settings that the inner axis gamma can take; every 15 deg where absent", "deg")
+    gammas_deg: Angles | None = key(
+        None, "settings that the inner axis gamma can take; every 15 deg where absent", "deg"
+    )
     betas_deg: Angles | None = key(None, "settings that the axis beta can take; every 15 deg from -90 to 90", "deg")
     still_s: float = key(60.0, "length of a stop", "s", gt=0)
     stops: int = key(8, "stops round the table at each position", gt=0)

@@ -24,9 +24,13 @@ def calibration_of(study: Study) -> Calibration | None:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f'[imu] calibration: "{name}" cannot be read: {error.strerror} (looked in {study.folder})') from None
+        raise InputError(
+            f'[imu] calibration: "{name}" cannot be read: {error.strerror} (looked in {study.folder})'
+        ) from None
     except ValueError:
-        raise InputError(f'[imu] calibration: "{name}" is not JSON; make one with  schuler calibrate PLAN.toml') from None
+        raise InputError(
+            f'[imu] calibration: "{name}" is not JSON; make one with  schuler calibrate PLAN.toml'
+        ) from None
     return Calibration.from_dict(content, name)
 
 

@@ -13,8 +13,9 @@ from schuler.ground.tables import Table
 from schuler.judging import consistency, outages
 from schuler.judging.errors import circular, distance, error_series, summary
 from schuler.judging.result import Result
-from schuler.studies.inputs import Inputs, check_gravity, check_overlap, read_tables, to_body, withhold
 from schuler.studies.corrected import corrected
+from schuler.studies.inputs import Inputs, check_gravity, check_overlap, read_tables, to_body, withhold
+from schuler.studies.magnetic import recorded_declination
 from schuler.studies.run import DEFAULT_SEED, Progress, made_by, register
 from schuler.studies.warm import need
 
@@ -42,6 +43,9 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
     to_body(study, inputs.tables)
     check_gravity(study, inputs.tables)
     tables, withheld, each = withhold(study, inputs)
+    if not simulated:
+        inputs.declination, said = recorded_declination(study, tables)
+        inputs.notes += said
     need(*kernels)  # only now: nobody shall wait for a compiler before hearing that a table cannot be used
     progress("navigating")
     navigation = navigate(study, tables, inputs.declination)

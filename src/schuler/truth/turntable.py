@@ -30,9 +30,16 @@ def spin_axis(gamma: ArrayLike, beta: ArrayLike) -> Array:
 
 
 def positions_table(
-    plan_deg: Sequence[tuple[float, float]], *, rate_deg_per_s: float = 20.0, still_s: float = 60.0,
-    spin_s: float = 300.0, stops: int = 8, both_ways: bool = True, move_s: float = 5.0, start_s: float = 0.0,
-) -> Table:  # fmt: skip
+    plan_deg: Sequence[tuple[float, float]],
+    *,
+    rate_deg_per_s: float = 20.0,
+    still_s: float = 60.0,
+    spin_s: float = 300.0,
+    stops: int = 8,
+    both_ways: bool = True,
+    move_s: float = 5.0,
+    start_s: float = 0.0,
+) -> Table:
     """The plan a laboratory follows: at each (gamma, beta), stops all round, then a spin each way. Table "positions".
 
     move_s : allowed to reach the next stop, or to run up and settle.
@@ -47,7 +54,14 @@ def positions_table(
             rows.append((str(k), "spin", t, t + spin_s, gamma, beta, 0.0, rate))
             t += spin_s + move_s
     text = {"position": 0, "kind": 1}
-    numbers = {"start": (2, 1.0), "end": (3, 1.0), "gamma": (4, DEG), "beta": (5, DEG), "azimuth": (6, DEG), "rate": (7, DEG)}
+    numbers = {
+        "start": (2, 1.0),
+        "end": (3, 1.0),
+        "gamma": (4, DEG),
+        "beta": (5, DEG),
+        "azimuth": (6, DEG),
+        "rate": (7, DEG),
+    }
     columns: dict[str, NDArray] = {name: np.array([r[i] for r in rows]) for name, i in text.items()}
     columns |= {name: np.array([r[i] for r in rows], dtype=float) * f for name, (i, f) in numbers.items()}
     return Table("positions", columns)
@@ -118,14 +132,18 @@ class Turntable:
 
     def _stretch(
         self, t: Array, azimuth: float, rate: float, gamma: float, beta: float, levers: Array, e: Array
-    ) -> tuple[Array, Array]:  # fmt: skip
+    ) -> tuple[Array, Array]:
         a = azimuth + rate * t
         u = spin_axis(gamma, beta)
         # Laboratory vectors seen from the table turn backwards; then through the inner settings.
         inner = _about_z(beta) @ _about_y(gamma)
-        up_lab = np.array([
-            np.sin(self.tilt) * np.cos(self.tilt_azimuth), np.cos(self.tilt), np.sin(self.tilt) * np.sin(self.tilt_azimuth)
-        ])  # fmt: skip
+        up_lab = np.array(
+            [
+                np.sin(self.tilt) * np.cos(self.tilt_azimuth),
+                np.cos(self.tilt),
+                np.sin(self.tilt) * np.sin(self.tilt_azimuth),
+            ]
+        )
         f = self.gravity * _seen(a, up_lab) @ inner
         w = np.broadcast_to(rate * u, (t.size, 3))
         # Gravity already holds the centrifugal part, so the Earth adds 2 w_e x (w x rho) only.

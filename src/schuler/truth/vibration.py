@@ -1,4 +1,5 @@
-"""Angular vibration: roll, pitch and heading as sums of sines over a band, with rates and accelerations in closed form."""
+"""Angular vibration: roll, pitch and heading as sums of sines over a band, with rates and accelerations in closed
+form."""
 
 from __future__ import annotations
 
@@ -67,16 +68,19 @@ class Vibration:
         C[:, 2, 0], C[:, 2, 1], C[:, 2, 2] = -sp, sr * cp, cr * cp
         rd, pd, hd = d.T
         w = np.column_stack([rd - hd * sp, pd * cr + hd * sr * cp, -pd * sr + hd * cr * cp])
-        wd = np.column_stack([
-            dd[:, 0] - dd[:, 2] * sp - hd * pd * cp,
-            dd[:, 1] * cr - pd * rd * sr + dd[:, 2] * sr * cp + hd * (rd * cr * cp - pd * sr * sp),
-            -dd[:, 1] * sr - pd * rd * cr + dd[:, 2] * cr * cp - hd * (rd * sr * cp + pd * cr * sp),
-        ])  # fmt: skip
+        wd = np.column_stack(
+            [
+                dd[:, 0] - dd[:, 2] * sp - hd * pd * cp,
+                dd[:, 1] * cr - pd * rd * sr + dd[:, 2] * sr * cp + hd * (rd * cr * cp - pd * sr * sp),
+                -dd[:, 1] * sr - pd * rd * cr + dd[:, 2] * cr * cp - hd * (rd * sr * cp + pd * cr * sp),
+            ]
+        )
         return C, w, wd
 
     @property
     def rate_covariance(self) -> Array:
-        """(3, 3) rad^2/s^2: mean of w w^T for small angles; axes vibrate independently unless they share frequencies."""
+        """(3, 3) rad^2/s^2: mean of w w^T for small angles; axes vibrate independently unless they share
+        frequencies."""
         w = 2.0 * np.pi * self.frequency * self.amplitude
         S = np.diag(0.5 * np.sum(w**2, axis=1))
         for i in range(3):

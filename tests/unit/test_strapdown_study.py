@@ -176,3 +176,19 @@ def test_over_the_pole_the_run_goes_on_and_the_linear_model_is_left_out() -> Non
     assert 0.0 < told["max_horizontal_m"] < 100.0
     assert any("pole" in n for n in result.notes)
     json.dumps(result.summary, allow_nan=False)
+
+
+def test_a_recording_with_poor_gyros_is_levelled_and_its_sigma_knows_it(tmp_path: Path) -> None:
+    path = recording(
+        tmp_path,
+        "[start]\nlat_deg = 50\nlon_deg = 30\nheading_deg = 40\nstd_heading_deg = 2\n"
+        "[imu]\ngyro_bias_deg_per_h = 100\naccel_bias_ug = 500\n[align]\nfrom_s = 0\nto_s = 30\n",
+    )
+    result = run_study(load_study(path))
+    track = result.navigation.filter
+    assert any("taken off as their bias" in n for n in result.notes)
+    assert track.time[0] > 30.0
+    assert math.sqrt(track.cov_rpy[0, 0, 0]) == pytest.approx(500e-6, rel=0.05)
+    assert math.sqrt(track.cov_rpy[0, 2, 2]) == pytest.approx(math.radians(2.0), rel=0.05)
+    east, north = (track.lon[-1] - math.radians(30)) * 4.1e6, (track.lat[-1] - math.radians(50)) * 6.37e6
+    assert math.hypot(east, north) < 3.0 * math.sqrt(track.cov_pos[-1, 0, 0] + track.cov_pos[-1, 1, 1])

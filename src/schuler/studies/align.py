@@ -103,7 +103,7 @@ def lines(told: dict[str, Any]) -> list[str]:
     if useful is None:
         out.append("  more time would still help")
     elif useful <= told["took_s"]:
-        out.append(f"  more than {useful:.0f} s does not help: the sensors' biases set the rest")
+        out.append(f"  more than {max(useful, 1.0):.0f} s does not help: the sensors' biases set the rest")
     else:
         out.append(f"  more time helps up to about {useful:.0f} s; then the sensors' biases set the rest")
     return out + [f"note: {n}" for n in told["notes"]]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from schuler.aiding.solution import Navigation, Solution
 from schuler.ground.earth import WGS84, Ellipsoid
-from schuler.ground.errors import InputError, StudyError
+from schuler.ground.errors import StudyError
 from schuler.ground.tables import Table
 from schuler.judging import consistency
 from schuler.judging.errors import circular, distance, error_series, spread, summary
@@ -23,10 +23,11 @@ from schuler.judging.result import Result
 from schuler.studies.corrected import corrected
 from schuler.studies.inputs import check_gravity, check_overlap, read_tables, to_body
 from schuler.studies.run import DEFAULT_SEED, Progress, made_by, register
+from schuler.studies.strapdown_start import Found, start_of
 
 if TYPE_CHECKING:
     from schuler.inertial.error_dynamics import SensorNoise
-    from schuler.inertial.strapdown import Start, Track
+    from schuler.inertial.strapdown import Track
     from schuler.studies.model import Study
     from schuler.truth.instruments import ImuModel
     from schuler.truth.trajectories import Trajectory
@@ -48,6 +49,7 @@ class Run:
     truth_states: dict[str, tuple[Array, Array]] = field(default_factory=dict)
     told: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    found: Found | None = None  # how a recording's start was found
 
 
 @register("strapdown")
@@ -318,78 +320,12 @@ def recorded(study: Study, progress: Progress) -> Run:
     check_overlap(study, inputs, "imu")
     to_body(study, inputs.tables)
     check_gravity(study, inputs.tables)
-    start, notes = start_of(study, inputs.tables, inputs.reference)
+    found = start_of(study, inputs.tables, sensor_errors(study))
     progress("navigating")
     imu = inputs.tables["imu"]
     rate = 1.0 / float(np.median(np.diff(imu.time)))
-    track = strapdown.run(imu, start, vertical=study.filter.vertical, every=stride_of(study, rate))
-    return Run(track, WGS84, dict(inputs.tables), inputs.reference, {}, {"trajectory": "recording"}, notes)
-
-
-def start_of(study: Study, tables: dict[str, Table], reference: Table | None) -> tuple[Start, list[str]]:
-    """Where a recording begins: each key of [start] that is given is kept, the others are found."""
-    from schuler.inertial.alignment_filter import align
-    from schuler.inertial.strapdown import Start
-
-    s, notes = study.start, []
-    imu, gnss = tables["imu"], tables.get("gnss")
-    first = float(imu.time[0])
-    time = s.time_s if s.time_s is not None else first
-    place: list[float | None] = [
-        s.lat_deg * D if s.lat_deg is not None else None, s.lon_deg * D if s.lon_deg is not None else None, s.height_m,
-    ]  # fmt: skip
-    v: list[float | None] = [s.v_north_mps, s.v_east_mps, s.v_down_mps]
-    if gnss is not None and len(gnss):
-        row = int(np.argmin(np.abs(gnss.time - time)))
-        for i, c in enumerate(("lat", "lon", "height")):
-            if place[i] is None:
-                place[i] = float(gnss[c][row])
-        for i, c in enumerate(("v_north", "v_east", "v_down")):
-            if v[i] is None and c in gnss:
-                v[i] = float(gnss[c][row])
-        notes.append(f"what [start] does not give of position and velocity is the fix at {gnss.time[row]:.2f} s")
-    if place[0] is None or place[1] is None:
-        raise InputError(
-            "the start position is not known: type [start] lat_deg, lon_deg and height_m, or name a gnss table in "
-            "[input]"
-        )
-    rpy = [None if x is None else x * D for x in (s.roll_deg, s.pitch_deg, s.heading_deg)]
-    if any(x is None for x in rpy):
-        window = study.align
-        found = align(
-            imu, sensor_errors(study), lat=place[0], lon=place[1], height=place[2] or 0.0, heading=rpy[2],
-            start=None if window is None else window.from_s, to=None if window is None else window.to_s,
-        )  # fmt: skip
-        notes += found.notes
-        if rpy[2] is None and found.std[2] > 30.0 * D:
-            raise InputError(
-                "the heading at the start is not known and these gyros cannot find north: type [start] heading_deg"
-            )
-        if s.time_s is None:
-            time = found.to
-        rpy = [float(found.rpy[i]) if x is None else x for i, x in enumerate(rpy)]
-        notes.append(
-            f"aligned from {found.start:.1f} to {found.to:.1f} s: roll {math.degrees(rpy[0] or 0):.3f}, pitch "
-            f"{math.degrees(rpy[1] or 0):.3f}, heading {math.degrees(rpy[2] or 0):.3f} deg"
-        )
-        if found.gyro_bias is not None and found.std[2] > 5.0 * D:
-            _take_bias(tables, found.gyro_bias)
-            notes.append("the gyros' mean at rest was taken off as their bias")
-    numbers = [0.0 if x is None else float(x) for x in (*rpy, *v)]
-    start = Start.level(
-        place[0], place[1], place[2] or 0.0, roll=numbers[0], pitch=numbers[1], heading=numbers[2], v_n=numbers[3:],
-        time=float(time),
-    )  # fmt: skip
-    return start, notes
-
-
-def _take_bias(tables: dict[str, Table], bias: Array) -> None:
-    imu = tables["imu"]
-    columns = dict(imu.columns)
-    stem, scale = ("gyro", 1.0) if imu.kind != "increments" else ("dtheta", float(np.median(np.diff(imu.time))))
-    for i, axis in enumerate("xyz"):
-        columns[f"{stem}_{axis}"] = columns[f"{stem}_{axis}"] - bias[i] * scale
-    tables["imu"] = Table(imu.name, columns, imu.kind, imu.source, imu.notes)
+    track = strapdown.run(imu, found.start, vertical=study.filter.vertical, every=stride_of(study, rate))
+    return Run(track, WGS84, dict(inputs.tables), inputs.reference, {}, {"trajectory": "recording"}, found.notes, found)
 
 
 def sensor_errors(study: Study) -> Any:
@@ -427,6 +363,8 @@ def covariances(study: Study, model: ImuModel, done: Run, held: bool) -> tuple[A
     s = study.start
     keys = ("std_roll_deg", "std_pitch_deg", "std_heading_deg")
     tilt = [(getattr(s, k) or 0.0) * D for k in keys]
+    if done.found is not None and done.found.std is not None:
+        tilt = [x or float(y) for x, y in zip(tilt, done.found.std, strict=True)]
     rest = [getattr(s, f"std_v_{a}_mps") or 0.0 for a in ("north", "east", "down")]
     rest += [getattr(s, f"std_{a}_m") or 0.0 for a in ("north", "east", "down")]
     noise = sensor_noise(study, model)

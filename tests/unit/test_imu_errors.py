@@ -105,3 +105,13 @@ def test_catalogue_and_grades_describe_themselves() -> None:
     for grade in GRADES.values():
         assert "published" in grade.describe(100.0)
     assert GRADES["navigation"].gyro_bias_deg_per_h < GRADES["tactical"].gyro_bias_deg_per_h
+
+
+def test_grades_and_the_catalogue_are_presets_of_a_study() -> None:
+    from schuler.ground.errors import StudyError
+    from schuler.truth.keys import imu_from_keys
+
+    assert imu_from_keys({"preset": "tactical"}).gyro_bias_deg_per_h == 1.0
+    assert imu_from_keys({"preset": "VG951/AK-6"}).gyro_bias_deg_per_h == 3.0
+    with pytest.raises(StudyError, match="the catalogue has no 'VG999'.*VG951"):
+        imu_from_keys({"preset": "VG999/AK-6"})

@@ -127,7 +127,10 @@ def _filter(
     w_ie = earth.earth_rate_n(lat)
     begin = Start(float(time[0] - dt[0]), lat, lon, height, np.zeros(3), quat_from_dcm(C))
     tilt = float(np.max(sensor.accel_bias)) / g + 1e-4
-    coarse = min(0.2, 2.0 * math.hypot(floor, noise) + 2.0 * sway / (g * 1e-4 * 1e4) + 2e-3)
+    # Coarse heading: bias and noise of the gyros, and the sway's share in the turn of gravity between the two halves.
+    half = 0.5 * float(dt.sum())
+    turned = earth.omega * math.cos(lat) * half
+    coarse = min(0.3, 2.0 * math.hypot(floor, noise) + 2.0 * sway / (g * half * turned) + 2e-3)
     P = np.diag(
         np.concatenate([[tilt**2, tilt**2, coarse**2], [0.05**2] * 3, [sway**2 + 1e-4] * 3,
                         sensor.accel_bias**2, sensor.gyro_bias**2])

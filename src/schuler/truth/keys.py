@@ -13,7 +13,7 @@ import numpy as np
 from schuler.ground.errors import InputError, StudyError
 from schuler.ground.units import DEG, KNOT
 from schuler.truth import instruments as inst
-from schuler.truth.catalogue import GRADES
+from schuler.truth.catalogue import ACCELEROMETERS, GRADES, GYROS, imu_of
 from schuler.truth.instruments import IMUS, ImuModel
 from schuler.truth.missions import (
     FADE_S,
@@ -167,6 +167,15 @@ def imu_from_keys(keys: Mapping[str, Any], errors: Mapping[str, Any] | None = No
     if preset is not None and keys:
         faults.append(f"[imu] has preset = {preset!r} and numbers ({', '.join(keys)}): keep one or the other")
     presets = {**IMUS, **GRADES}
+    if preset is not None and "/" in preset:  # a gyro and an accelerometer of the thesis's catalogue
+        try:
+            presets[preset] = imu_of(*preset.split("/", 1))
+        except KeyError as error:
+            faults.append(
+                f"[imu] preset = {preset!r}: the catalogue has no {error}; gyros: {', '.join(g.name for g in GYROS)}; "
+                f"accelerometers: {', '.join(a.name for a in ACCELEROMETERS)}"
+            )
+            presets[preset] = ImuModel()
     if preset is not None and preset not in presets:
         faults.append(f"[imu] preset = {preset!r} is not known: type one of {', '.join(map(repr, presets))}")
     known = {f.name for f in fields(ImuModel)} - {"name", "published"}

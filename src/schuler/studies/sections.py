@@ -165,7 +165,11 @@ class InputSection(Section):
     accel_unit: str | None = key(None, 'unit of its accelerometers whatever the heading says, e.g. "g"')
     trust_units: bool = key(False, "keep the units of the headings although the numbers speak against them")
     declination_deg: float | None = key(
-        None, "magnetic variation, east positive, for heading_mag", "deg", ge=-180, le=180
+        None,
+        "magnetic variation, east positive, for heading_mag and magnetometers; else from WMM2025 at the first fix",
+        "deg",
+        ge=-180,
+        le=180,
     )
     gnss_delay_s: float = key(0.0, "a gnss row stamped t belongs to t - delay", "s", ge=-5, le=5)
 

@@ -205,8 +205,8 @@ class Strapdown:
             part = slice(first * samples, last * samples if last < rows else n)
             kernel.run(
                 self._state, self._earth, dtheta[part], dv[part], steps if steps.size == 1 else steps[part],
-                self._scheme, self._mode, h if h.size == 1 else h[part], d if d.size == 1 else d[part], self._gains, every,
-                raw[: last - first],
+                self._scheme, self._mode, h if h.size == 1 else h[part], d if d.size == 1 else d[part],
+                self._gains, every, raw[: last - first],
             )  # fmt: skip
             kernel.to_ned(raw[: last - first], out[first:last])
         ends = self.time + (steps[0] * np.arange(1, n + 1) if steps.size == 1 else np.cumsum(steps))

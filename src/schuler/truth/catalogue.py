@@ -111,14 +111,14 @@ GRADES: dict[str, ImuModel] = {
         published=frozenset({"gyro_arw_deg_per_sqrt_h", "accel_vrw_mps_per_sqrt_h", "gyro_range_deg_per_s",
                              "accel_range_g"}),
     ),
-    # Honeywell HG1700-AG58 product description: 1 deg/h bias, 0.125 deg/sqrt(h), 150 ppm; 1 mg bias, 300 ppm.
+    # Honeywell HG1700 brochure N61-1619: 1 deg/h, 0.125 deg/sqrt(h), 1 mg, 0.065 ft/s/sqrt(h); the rest is assumed.
     "tactical": ImuModel(
         name="tactical", gyro_arw_deg_per_sqrt_h=0.125, gyro_bias_deg_per_h=1.0, gyro_instability_deg_per_h=0.3,
         gyro_tau_s=600.0, gyro_scale_ppm=150.0, gyro_misalignment_mrad=0.5, gyro_range_deg_per_s=1000.0,
-        accel_vrw_mps_per_sqrt_h=0.039, accel_bias_ug=1000.0, accel_instability_ug=50.0, accel_tau_s=600.0,
+        accel_vrw_mps_per_sqrt_h=0.0198, accel_bias_ug=1000.0, accel_instability_ug=50.0, accel_tau_s=600.0,
         accel_scale_ppm=300.0, accel_misalignment_mrad=0.5, accel_range_g=37.0,
-        published=frozenset({"gyro_arw_deg_per_sqrt_h", "gyro_bias_deg_per_h", "gyro_scale_ppm", "accel_bias_ug",
-                             "accel_scale_ppm"}),
+        published=frozenset({"gyro_arw_deg_per_sqrt_h", "gyro_bias_deg_per_h", "accel_bias_ug",
+                             "accel_vrw_mps_per_sqrt_h"}),
     ),
     # Groves (2013), table 4.1 and section 4.4: navigation (aviation) grade, 0.01 deg/h, 0.002 deg/sqrt(h), 30-100 ug.
     "navigation": ImuModel(

@@ -1,12 +1,12 @@
-"""Fills what the pages print: the README's figures from docs/evidence.json, and the outputs of commands by running them.
+"""Fills in what the pages print: the README's figures from docs/evidence.json, outputs of commands by running them.
 
     python docs/figures.py            writes
     python docs/figures.py --check    status 1 where a page would change
 
-A page's blocks are played in their order in an empty folder: ```toml with "# file: NAME" is written, with "# add to: NAME"
-appended; ```python runs, all in one namespace; ```sh commands run. What stands between <!-- output: COMMAND --> and
-<!-- end --> is what the command printed. DATA_FOLDER in a command is a folder of recordings; commands that need one are
-passed over where it is absent.
+A page's blocks are played in their order in an empty folder: ```toml with "# file: NAME" is written, with "# add to:
+NAME" appended; ```python runs, all in one namespace; ```sh commands run. What stands between <!-- output: COMMAND -->
+and <!-- end --> is what the command printed. DATA_FOLDER in a command is a folder of recordings; commands that need one
+are passed over where it is absent.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = ("README.md", "docs/tutorial-auv.md", "docs/tutorial-online.md", "docs/how-to-own-data.md")
 EVIDENCE = ROOT / "docs" / "evidence.json"
 DATA = ROOT.parent / "shared" / "data" / "glider_seaglider_sg171"
-NOT_PLAYED = ("make", "pip", "python3 -m venv", "git", "source")
+NOT_PLAYED = ("make", "pip")
 
 _BLOCK = re.compile(r"^( *)```(\w+)\n(.*?)^ *```$", re.M | re.S)
 _OUTPUT = re.compile(r"(<!-- output: (.+?) -->\n```text\n)(.*?)(```\n<!-- end -->)", re.S)
@@ -45,10 +45,8 @@ class Played:
 
 def blocks(text: str) -> list[tuple[str, str]]:
     """(language, content) of every fenced block, without its indentation."""
-    return [
-        (language, re.sub(rf"^{indent}", "", body, flags=re.M))
-        for indent, language, body in _BLOCK.findall(text)
-    ]  # fmt: skip
+    found = _BLOCK.findall(text)
+    return [(language, re.sub(rf"^{indent}", "", body, flags=re.M)) for indent, language, body in found]
 
 
 def commands(body: str) -> list[str]:

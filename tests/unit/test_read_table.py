@@ -253,12 +253,43 @@ def test_repeated_times_keep_the_first_row(tmp_path):
 
 def test_the_end_of_the_gps_week(tmp_path):
     tow = np.array([604798.0, 604799.0, 0.0, 1.0])
-    table = read_table(save(tmp_path / "d.csv", "tow,depth[m]", tow, tow), "depth")
+    table = read_table(save(tmp_path / "d.csv", "tow,depth[m]", tow, 0 * tow), "depth")
     np.testing.assert_array_equal(np.diff(table.time), 1.0)
     assert any("week rolled over at line 4" in n for n in table.notes)
     unix = np.array([1.2e9, 1.2e9 + 1, 1.2e9 + 2 - 1024 * 604800, 1.2e9 + 3 - 1024 * 604800])
-    table = read_table(save(tmp_path / "e.csv", "time[s],depth[m]", unix, tow), "depth")
+    table = read_table(save(tmp_path / "e.csv", "time[s],depth[m]", unix, 0 * tow), "depth")
     np.testing.assert_array_equal(np.diff(table.time), 1.0)
+
+
+@pytest.mark.parametrize("gap", [59.0, 61.0, 3600.0, 86000.0])
+def test_the_end_of_the_gps_week_in_a_gap(tmp_path, gap):
+    """Up to a day: the time that passed is what the clock shows when the week is counted on."""
+    tow = np.array([604797.0, 604798.0, 604799.0, gap - 1.0, gap, gap + 1.0])
+    table = read_table(save(tmp_path / "d.csv", "tow,depth[m]", tow, 0 * tow), "depth")
+    np.testing.assert_array_equal(np.diff(table.time), [1.0, 1.0, gap, 1.0, 1.0])
+    (said,) = [n for n in table.notes if "week rolled over at line 5" in n]
+    assert (f"with a gap of {gap:g} s at line 5" in said) == (gap > 60.0)
+    # a clock that does not count from the week's start
+    table = read_table(save(tmp_path / "e.csv", "time[s],depth[m]", tow + 100.5, 0 * tow), "depth")
+    assert np.diff(table.time)[2] == gap
+    # two weeks' ends, each in a gap
+    true = 5e5 + np.arange(0.0, 8e5, 100.0)
+    true = true[(true % 604800.0 > gap) & (true % 604800.0 < 604700.0)]
+    table = read_table(save(tmp_path / "f.csv", "time[s],depth[m]", true % 604800.0, 0 * true), "depth")
+    np.testing.assert_array_equal(table.time, true)
+
+
+def test_a_clock_that_goes_back_by_days_is_no_rollover(tmp_path):
+    """More than a day short of a week may be anything; and rows out of order go forth as far as they go back."""
+    tow = np.array([604798.0, 604799.0, 2 * 86400.0, 2 * 86400.0 + 1.0])
+    with pytest.raises(InputError, match="time goes back at line 4"):
+        read_table(save(tmp_path / "d.csv", "tow,depth[m]", tow, 0 * tow), "depth")
+    mixed = np.array([1.0, 2.0, 600001.0, 3.0, 600002.0, 4.0])
+    with pytest.raises(InputError, match="time goes back at line 5"):
+        read_table(save(tmp_path / "e.csv", "time[s],depth[m]", mixed, 0 * mixed), "depth")
+    ids = np.full(6, 7.0)
+    table = read_table(save(tmp_path / "r.csv", "time[s],id,range[m]", mixed, ids, ids), "ranges")
+    np.testing.assert_array_equal(table.time, np.sort(mixed))
 
 
 def test_a_cut_last_line_is_left_out(tmp_path):

@@ -163,7 +163,10 @@ def clean_time(
 
 
 def without_jumps(time: Array, lines: NDArray[np.int64]) -> tuple[Array, str]:
-    """Times with jumps of whole GPS weeks (1, or 1024) or of midnight taken out, and a sentence about them."""
+    """Times with jumps of whole GPS weeks (1, or 1024) or of midnight taken out, and a sentence about them.
+
+    A jump back of a week less up to a day is a week that rolled over in a gap of that length.
+    """
     step = np.diff(time)
     forward = step[step > 0]
     if not len(forward):
@@ -176,6 +179,9 @@ def without_jumps(time: Array, lines: NDArray[np.int64]) -> tuple[Array, str]:
         if slack > 0.2 * size:
             continue
         back = np.abs(step + size) < slack
+        # The roll-over may lie in a gap of up to a day. Rows that are merely out of order also jump ahead as far.
+        if not np.any(np.abs(step - size) < DAY):
+            back |= (step + size > 0.0) & (step + size < DAY)
         ahead = np.abs(step - size) < min(slack, 2.0 * usual + 1.0)
         if size == WEEK and np.nanmin(time) >= 0.0 and np.nanmax(time) <= WEEK + 1.0:
             ahead[:] = False
@@ -185,6 +191,10 @@ def without_jumps(time: Array, lines: NDArray[np.int64]) -> tuple[Array, str]:
             said = (
                 f"{what} at line {line} (time jumps by {'-' if back.any() else ''}{size:.0f} s); times run on over it"
             )
+            passed = np.where(back, step + size, 0.0)
+            k = int(np.argmax(passed))
+            if passed[k] >= slack:
+                said += f", with a gap of {passed[k]:.6g} s at line {lines[k + 1]} taken for the time that passed"
     if not said and np.nanmin(time) >= 0.0 and np.nanmax(time) <= DAY + 1.0 and slack <= 0.2 * DAY:
         back = np.abs(step + DAY) < slack
         fix += DAY * back

@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 
 FLOOR = float(np.sqrt(2.0 * np.log(2.0) / np.pi))  # 0.664: floor of the Allan deviation over the flicker coefficient
 MODEL_ERROR = 0.03  # of the deviation, and more at short times:
-SHORT = 20.0  # samples, where it has doubled
+SHORT = 20.0  # samples, where it has doubled; not so where the first samples prove to fit
+FITS = 0.025  # of the deviation
 SEEN = 1.5  # a term counts where its square is so many sigma above zero
 _BUMP = 16.0  # drop of chi-square that two more parameters (correlated noise) must bring
 TERMS = ("quantisation", "random_walk", "flicker", "rate_walk", "ramp")
@@ -146,7 +147,10 @@ def fit_deviation(base: Deviation) -> NoiseFit:
             step = float(np.sqrt(float(trials[1]) / float(trials[0])))
             constant, spread = best[1], (float(min(near)) / step, float(max(near)) * step)
             chi2, H, theta, weights = best[0], best[2], best[3], best[4]
-    theta, cov = _prune(seen, y, H, constant)
+    first = seen.m <= SHORT
+    off = np.sqrt(H[first] @ theta / y[first]) - 1.0
+    short = 0.0 if first.any() and float(np.sqrt(np.mean(off**2))) < FITS else SHORT
+    theta, cov = _prune(seen, y, H, constant, short)
     terms = {name: _root(theta[j], cov[j, j]) for j, name in enumerate(TERMS) if theta[j] > 0.0}
     correlated = tau = None
     if constant is not None and theta[-1] > 0.0:
@@ -186,18 +190,23 @@ def dominating(H: Array, theta: Array, tau: Array) -> NDArray[np.int64]:
     return np.asarray(alpha, dtype=np.int64)
 
 
-def _weights(dev: Deviation, model: Array) -> Array:
+def _model_error(dev: Deviation, short: float) -> Array:
+    """(k,) of the Allan variance."""
+    return np.asarray(2.0 * MODEL_ERROR * (1.0 + short / dev.m))
+
+
+def _weights(dev: Deviation, model: Array, short: float) -> Array:
     """One over the standard deviation of each Allan variance: its statistics and what the model cannot say."""
-    model_error = 2.0 * MODEL_ERROR * (1.0 + SHORT / dev.m)
+    model_error = _model_error(dev, short)
     return np.asarray(1.0 / (np.sqrt(2.0 / dev.edf + model_error**2) * model))
 
 
-def _squares(dev: Deviation, y: Array, H: Array) -> tuple[Array, Array]:
+def _squares(dev: Deviation, y: Array, H: Array, short: float = SHORT) -> tuple[Array, Array]:
     """Non-negative weighted least squares, weights from the model itself; points far off lose weight (Huber)."""
     from scipy.optimize import nnls
 
     robust = np.ones(y.size)
-    weights = _weights(dev, y)
+    weights = _weights(dev, y, short)
     theta = np.zeros(H.shape[1])
     for _ in range(8):
         scaled = H * (weights * robust)[:, None]
@@ -209,7 +218,7 @@ def _squares(dev: Deviation, y: Array, H: Array) -> tuple[Array, Array]:
         if settled or not np.any(theta > 0.0):
             break
         model = np.maximum(H @ theta, 1e-6 * y)
-        weights = _weights(dev, model)
+        weights = _weights(dev, model, short)
         off = np.abs(y - model) * weights
         robust = np.sqrt(np.minimum(1.0, 1.5 / np.maximum(off, 1e-12)))
     return theta, weights * robust
@@ -219,7 +228,7 @@ def _misfit(y: Array, H: Array, theta: Array, weights: Array) -> float:
     return float(np.sum(((y - H @ theta) * weights) ** 2))
 
 
-def _prune(dev: Deviation, y: Array, H: Array, constant: float | None) -> tuple[Array, Array]:
+def _prune(dev: Deviation, y: Array, H: Array, constant: float | None, short: float) -> tuple[Array, Array]:
     """Coefficients and their covariance; terms that are not seen go one by one.
 
     The estimator weighs each point by itself, which a wrong model harms less than full weighting; its covariance
@@ -230,14 +239,14 @@ def _prune(dev: Deviation, y: Array, H: Array, constant: float | None) -> tuple[
     theta, cov = np.zeros(p), np.zeros((p, p))
     for _ in range(p):
         theta, cov = np.zeros(p), np.zeros((p, p))
-        theta[active], weights = _squares(dev, y, H[:, active])
+        theta[active], weights = _squares(dev, y, H[:, active], short)
         active = theta > 0.0
         if not active.any():
             break
         model = H @ theta
         dev = dev.with_noise(dominating(H, theta, dev.tau))
         R = relative_covariance(dev, theta, constant)
-        R += np.diag((2.0 * MODEL_ERROR * (1.0 + SHORT / dev.m)) ** 2)
+        R += np.diag(_model_error(dev, short) ** 2)
         A = H[:, active] * weights[:, None]
         size = np.linalg.norm(A, axis=0)
         gain = np.linalg.pinv(A / size) / size[:, None]

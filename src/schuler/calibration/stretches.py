@@ -106,3 +106,10 @@ def stretches_of(table: Table, plan: str) -> list[Stretch]:
     if faults:
         raise InputError("\n".join(faults))
     return out
+
+
+def rows_inside(middle: Array, stretch: Stretch, dt: float) -> tuple[int, int]:
+    """First and one past the last row whose whole interval lies in the stretch; middle (n,): middles of the intervals."""
+    first = np.searchsorted(middle, stretch.start + 0.499 * dt)
+    last = np.searchsorted(middle, stretch.end - 0.499 * dt, side="right")
+    return int(first), int(max(last, first))

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.calibration import turntable_checks as checks
-from schuler.calibration.stretches import Stretch, stretches_of
+from schuler.calibration.stretches import Stretch, rows_inside, stretches_of
 from schuler.ground.earth import WGS84
 from schuler.ground.errors import InputError
 from schuler.ground.tables import Table
@@ -215,19 +215,19 @@ class _Spin:
 def _spin(middle: Array, outputs: Array, s: Stretch) -> _Spin:
     from schuler.kernels.turntable import BASIS, harmonic_sums
 
-    first, last = np.searchsorted(middle, [s.start, s.end])
-    dt = float(np.median(np.diff(middle[first:last]))) if last - first > 2 else 0.0
+    dt = float(np.median(np.diff(middle)))
+    first, last = rows_inside(middle, s, dt)
     if last - first < 10:
         raise InputError(f"{s.name} holds {last - first} rows of the recording; correct start[s] and end[s]")
-    held = min(s.end, float(middle[last - 1]) + 0.5 * dt) - max(s.start, float(middle[first]) - 0.5 * dt)
+    held = (last - first) * dt
     # A row more or less at the end is no missing turn.
-    turns = int(np.floor(abs(s.rate) * (held + 1.5 * dt) / (2.0 * np.pi)))
+    turns = int(np.floor(abs(s.rate) * (held + 2.5 * dt) / (2.0 * np.pi)))
     if turns < 1:
         raise InputError(
             f"{s.name}: {np.rad2deg(abs(s.rate)) * held:.0f} deg in {held:.1f} s is not a whole turn; gravity does not "
             f"average out. Spin for at least {2.0 * np.pi / abs(s.rate):.1f} s, better ten turns"
         )
-    begin = max(s.start, float(middle[first]) - 0.5 * dt)
+    begin = float(middle[first]) - 0.5 * dt
     k = outputs.shape[1]
     normal, right, square = np.empty((turns, BASIS, BASIS)), np.empty((turns, BASIS, k)), np.empty(k)
     offset = outputs[first:last].mean(axis=0)  # removed before squares are summed
@@ -264,12 +264,12 @@ def _stops(
     middle: Array, outputs: Array, stills: Sequence[Stretch], block: float
 ) -> tuple[list[_Stop], list[tuple[Array, Array]]]:
     stops, blocks = [], []
+    dt = float(np.median(np.diff(middle)))
     for s in stills:
-        first, last = np.searchsorted(middle, [s.start, s.end])
+        first, last = rows_inside(middle, s, dt)
         if last - first < 10:
             raise InputError(f"{s.name} holds {last - first} rows of the recording; correct start[s] and end[s]")
         part = outputs[first:last]
-        dt = float(np.median(np.diff(middle[first:last])))
         stops.append(_Stop(s, part.mean(axis=0), (last - first) * dt))
         # Blocks like a turn, so that stops and spins feel the same drift; at least two a stop.
         count = int(np.clip(np.floor((last - first) * dt / block), 2, 1000))

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.calibration.stretches import Stretch
+from schuler.calibration.stretches import Stretch, rows_inside
 from schuler.ground.errors import InputError
 
 Array = NDArray[np.float64]
@@ -35,10 +35,17 @@ def temperature(time: Array, degrees: Array) -> list[str]:
 
 def saturated(time: Array, outputs: Array, stretches: Sequence[Stretch]) -> None:
     """InputError where an accelerometer sits at its largest value for five rows or more, again and again."""
+    rows = {s.row: slice(*_rows(time, s)) for s in stretches}
+    spread = {s.row: np.ptp(outputs[rows[s.row]], axis=0) for s in stretches}
+    noisy = float(np.median(np.array(list(spread.values())))) > 1e-6
     for s in stretches:
-        first, last = np.searchsorted(time, [s.start, s.end])
         for i in range(outputs.shape[1]):
-            y = outputs[first:last, i]
+            y = outputs[rows[s.row], i]
+            if y.size >= 50 and np.ptp(y) == 0.0 and noisy:
+                raise InputError(
+                    f"accelerometer {_axis(i)} gives {y[0]:.4g} m/s^2 in every row of the {s.name}: it is saturated or stuck; "
+                    "use a wider range"
+                )
             if y.size < 50 or np.ptp(y) == 0.0:
                 continue
             for edge, word in ((y.max(), "largest"), (y.min(), "smallest")):
@@ -54,18 +61,22 @@ def saturated(time: Array, outputs: Array, stretches: Sequence[Stretch]) -> None
                     )
 
 
+def _rows(time: Array, s: Stretch) -> tuple[int, int]:
+    return rows_inside(time, s, float(np.median(np.diff(time[:1000]))))
+
+
 def _axis(i: int) -> str:
     return "xyz"[i] if i < 3 else str(i + 1)
 
 
 def _mean(time: Array, values: Array, s: Stretch) -> Array:
-    first, last = np.searchsorted(time, [s.start, s.end])
+    first, last = _rows(time, s)
     return np.asarray(values[first:last].mean(axis=0)) if last > first else np.full(values.shape[1], np.nan)
 
 
 def _blocks(time: Array, values: Array, s: Stretch, length: float) -> tuple[Array, Array]:
     """(times of the middles, means) of consecutive blocks of `length` s."""
-    first, last = np.searchsorted(time, [s.start, s.end])
+    first, last = _rows(time, s)
     t, v = time[first:last], values[first:last]
     count = max(int((s.end - s.start) / length), 1)
     cut = np.unique(np.linspace(0, len(t), count + 1).astype(int))
@@ -78,15 +89,13 @@ def still(time: Array, gyro: Array, outputs: Array, stills: Sequence[Stretch], g
     means = np.array([_mean(time, gyro, s) for s in stills])
     usual = np.nanmedian(means, axis=0)
     spread = 1.4826 * np.nanmedian(np.abs(means - usual), axis=0)
-    quiet = np.median(
-        [np.std(outputs[slice(*np.searchsorted(time, [s.start, s.end]))], axis=0) for s in stills], axis=0
-    )
+    quiet = np.median([np.std(outputs[slice(*_rows(time, s))], axis=0) for s in stills], axis=0)
     for s, mean in zip(stills, means, strict=True):
         off = np.abs(mean - usual)
         blocks = _blocks(time, gyro, s, max(1.0, (s.end - s.start) / 60.0))[1]
         scatter = 1.4826 * np.median(np.abs(blocks - np.median(blocks, axis=0)), axis=0)
         jump = np.max(np.abs(blocks - np.median(blocks, axis=0)), axis=0)
-        moving = np.std(outputs[slice(*np.searchsorted(time, [s.start, s.end]))], axis=0)
+        moving = np.std(outputs[slice(*_rows(time, s))], axis=0)
         if np.any(off > _STILL + 8.0 * spread) or np.any(jump > 5.0 * _STILL + 8.0 * scatter):
             raise InputError(
                 f"the {s.name} was not still: its gyros turn by up to "

@@ -14,6 +14,8 @@ from schuler.io.headings import Match, unit_text
 
 Array = NDArray[np.float64]
 DAY = 86400.0
+MIDNIGHT_GAP = 6 * 3600.0
+DUST = 1e-7  # s: what rounding leaves between two prints of one time
 
 
 def times_of(values: NDArray, found: Match, table: str, who: str) -> tuple[Array, list[str]]:
@@ -133,6 +135,11 @@ def clean_time(
     time, sentence = without_jumps(columns["time"], lines)
     if sentence:
         notes.append(f"{who}: {sentence}")
+    dust = (np.diff(time) < 0.0) & (np.diff(time) > -DUST)
+    if dust.any():
+        time = time.copy()
+        for k in np.flatnonzero(dust) + 1:
+            time[k] = max(time[k], time[k - 1])
     columns = {**columns, "time": time}
     step = np.diff(time)
     if (step < 0).any():
@@ -165,7 +172,8 @@ def clean_time(
 def without_jumps(time: Array, lines: NDArray[np.int64]) -> tuple[Array, str]:
     """Times with jumps of whole GPS weeks (1, or 1024) or of midnight taken out, and a sentence about them.
 
-    A jump back of a week less up to a day is a week that rolled over in a gap of that length.
+    A jump back of a week less up to a day is a week that rolled over in a gap of that length; midnight may lie in a
+    gap of up to six hours.
     """
     step = np.diff(time)
     forward = step[step > 0]
@@ -183,6 +191,8 @@ def without_jumps(time: Array, lines: NDArray[np.int64]) -> tuple[Array, str]:
         if not np.any(np.abs(step - size) < DAY):
             back |= (step + size > 0.0) & (step + size < DAY)
         ahead = np.abs(step - size) < min(slack, 2.0 * usual + 1.0)
+        if size > WEEK and not back.any():  # the right number after a wrong one, perhaps in a gap as well
+            ahead |= (step - size >= 0.0) & (step - size < DAY)
         if size == WEEK and np.nanmin(time) >= 0.0 and np.nanmax(time) <= WEEK + 1.0:
             ahead[:] = False
         fix += size * back - size * ahead
@@ -197,6 +207,8 @@ def without_jumps(time: Array, lines: NDArray[np.int64]) -> tuple[Array, str]:
                 said += f", with a gap of {passed[k]:.6g} s at line {lines[k + 1]} taken for the time that passed"
     if not said and np.nanmin(time) >= 0.0 and np.nanmax(time) <= DAY + 1.0 and slack <= 0.2 * DAY:
         back = np.abs(step + DAY) < slack
+        if not np.any(step > DAY - MIDNIGHT_GAP):
+            back |= (step + DAY > 0.0) & (step + DAY < MIDNIGHT_GAP)
         fix += DAY * back
         if back.any():
             said = f"time of day passes midnight at line {int(lines[int(np.argmax(back)) + 1])}; times run on over it"

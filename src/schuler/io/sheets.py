@@ -124,7 +124,8 @@ def decode(data: bytes, path: Path) -> str:
     control = sum(start.count(bytes([c])) for c in range(32) if c not in (9, 10, 12, 13))
     if b"\x00" in start or control > 0.01 * len(start):
         raise InputError(
-            f"{path.name} is binary, not a table of numbers; formats that can be read: schuler convert --help"
+            f"{path.name} is binary, and of no format that can be read; readable are Seaglider and SeaExplorer files, "
+            "comma2k19 folders, ULog, NMEA, MATLAB, CSV, npz and parquet"
         )
     try:
         return data.decode("utf-8-sig")

@@ -20,6 +20,7 @@ from schuler.io.guess import guess_angles, guess_field, guess_place
 from schuler.io.headings import Match, check_unit, match, unit_text
 from schuler.io.headless import place_columns
 from schuler.io.imu import imu_columns
+from schuler.io.limits import FEW, drop_absurd
 from schuler.io.sheets import Sheet, read_sheet
 from schuler.io.writing import write_table as write_table
 
@@ -226,8 +227,10 @@ class Work:
             self.columns[n] = scaled(values[n], u)
             limit = np.pi / 2 if n in ("lat", "pitch") else 4 * np.pi
             with np.errstate(invalid="ignore"):
-                far = np.nanmax(np.abs(self.columns[n]), initial=0.0)
-            if far > limit * (1 + 1e-9):
+                far = np.abs(self.columns[n]) > limit * (1 + 1e-9)
+            if n in ("lat", "lon") and far.sum() <= FEW * len(far):
+                continue  # stray rows: left out later, and counted
+            if far.any():
                 advice = f"correct the values, or the unit: {n}[{usual}]"
                 if unit_text(u)[1].startswith("rad"):
                     advice = f"these are probably degrees: write {n}[deg]"
@@ -265,6 +268,8 @@ class Work:
         order = [c.name for c in schema.columns if c.name in self.columns]
         columns = {n: self.columns[n] for n in order}
         columns, lines, sentences = drop_incomplete(columns, self.sheet.lines, schema, self.who)
+        self.notes += sentences
+        columns, lines, sentences = drop_absurd(columns, lines, schema, self.who)
         self.notes += sentences
         if self.name == "gnss":
             columns, lines, sentences = drop_held(columns, lines, self.who)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import difflib
 import json
 import re
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pydantic import BaseModel, ValidationError
 
+HUGE = 1e12  # Unix seconds are 2e9
 _LISTS = {"outage"}  # sections that are written [[name]]
 _SAMPLE_WORDS = {"name": '"harbour trial 7"', "kind": '"auv"'}
 
@@ -297,10 +299,25 @@ def cross_faults(raw: dict[str, Any], folder: Path | None) -> list[str]:
         if isinstance(calibration, str) and not (folder / calibration).is_file():
             faults.append(f"[imu] calibration: {typed(calibration)} does not exist (looked in {folder})")
     faults += _spans(raw)
+    faults += _huge(raw)
     for key in ("gnss_m", "gnss_mps", "attitude_deg"):
         value = _section(raw, "noise").get(key)
         if isinstance(value, list) and any(isinstance(v, int | float) and v <= 0 for v in value):
             faults.append(f"[noise] {key}: a sigma must be more than 0; came {typed(value)}")
+    return faults
+
+
+def _huge(raw: dict[str, Any]) -> list[str]:
+    """Finite numbers that nothing real has: they would only end as overflow somewhere."""
+    faults = []
+    for name, section in raw.items():
+        tables = section if isinstance(section, list) else [section]
+        for number, table in enumerate(tables, 1):
+            where = f"[[{name}]] {number}" if isinstance(section, list) else f"[{name}]"
+            for key, value in table.items() if isinstance(table, dict) else ():
+                values = value if isinstance(value, list) else [value]
+                if any(isinstance(v, int | float) and HUGE < abs(v) < inf for v in values):
+                    faults.append(f"{where} {key}: {typed(value)} is far outside anything real")
     return faults
 
 

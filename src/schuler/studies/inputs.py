@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from schuler.ground.errors import InputError
 from schuler.ground.tables import Table
+from schuler.ground.units import KNOT
 from schuler.studies.run import Progress, silent
 
 if TYPE_CHECKING:
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 G = 9.80665
+DAY = 86400.0
+GAP_DAYS = {"imu": 2.0, "attitude": 60.0}  # memory and time go with the span, not with the rows
 MAG = ("mag_x", "mag_y", "mag_z")
 
 
@@ -89,9 +92,16 @@ def check_overlap(study: Study, inputs: Inputs, main: str) -> None:
     A reference that shares no time is left out with a note: nothing but the judging needs it.
     """
     if len(inputs.tables[main]) < 2:
-        raise InputError(f"[input] {main}: {_file(study, main)} has one row; nothing can be navigated with it")
+        why = "".join(f" ({note})" for note in inputs.tables[main].notes if "left out" in note)
+        raise InputError(f"[input] {main}: {_file(study, main)} has one row{why}; nothing can be navigated with it")
     first, last = span(inputs.tables[main])
-    faults = []
+    faults = _far_apart(study, inputs, main)
+    start = study.start.time_s
+    if start is not None and start > last:
+        faults.append(
+            f"[start] time_s = {start:g} s lies after the end of {_file(study, main)}, which runs from {first:.1f} to "
+            f"{last:.1f} s; put it inside, or leave it out"
+        )
     for name, table in inputs.tables.items():
         if name == main or "time" not in table:
             continue
@@ -108,6 +118,8 @@ def check_overlap(study: Study, inputs: Inputs, main: str) -> None:
                     f"{_file(study, name)}: {outside} of {len(table)} rows lie before or after {_file(study, main)} "
                     f"({first:.1f} to {last:.1f} s)"
                 )
+            if b > last + DAY:
+                inputs.tables[name] = table.where(table.time <= last + DAY)
     if faults:
         raise InputError("\n".join(faults))
     if inputs.reference is not None:
@@ -118,6 +130,44 @@ def check_overlap(study: Study, inputs: Inputs, main: str) -> None:
                 f"to {last:.1f} s: they do not overlap, so nothing is judged against it"
             )
             inputs.reference = None
+
+
+def _far_apart(study: Study, inputs: Inputs, main: str) -> list[str]:
+    """A gap in the main table that no filter runs over."""
+    time = inputs.tables[main].time
+    step = np.diff(time)
+    k = int(np.argmax(step))
+    longest = GAP_DAYS[main] * DAY
+    if step[k] <= longest:
+        return []
+    return [
+        f"[input] {main}: {_file(study, main)} has a gap of {step[k] / DAY:.3g} days after {time[k]:.1f} s; split the "
+        "file there, or put its times in order"
+    ]
+
+
+def speed_notes(study: Study, tables: dict[str, Table]) -> list[str]:
+    """Sentences where the speed table reads far from the ground speed of the fixes, as with a wrong unit."""
+    speed, gnss = tables.get("speed"), tables.get("gnss")
+    if speed is None or gnss is None or "speed" not in speed or not {"v_north", "v_east"} <= gnss.columns.keys():
+        return []
+    ground = np.hypot(gnss["v_north"], gnss["v_east"])
+    read = np.interp(gnss.time, speed.time, speed["speed"], left=np.nan, right=np.nan)
+    good = np.isfinite(ground) & np.isfinite(read) & (ground > 1.0) & (np.abs(read) > 1e-6)
+    if good.sum() < 10:
+        return []
+    ratio = float(np.median(np.abs(read[good]) / ground[good]))
+    if 0.6 < ratio < 1.6:
+        return []
+    units = {"kn": KNOT, "km/h": 1.0 / 3.6, "ft/s": 0.3048}
+    near = next((u for u, v in units.items() if abs(ratio * v - 1.0) < 0.12), None)
+    back = next((u for u, v in units.items() if abs(ratio / v - 1.0) < 0.12), None)
+    hint = "is its unit right?"
+    if near:
+        hint = f"its numbers look like {near}: write speed[{near}] in the heading"
+    elif back:
+        hint = f"its numbers look like m/s: write speed[m/s] in the heading, not {back}"
+    return [f"{_file(study, 'speed')} reads {ratio:.2f} times the speed over ground of {_file(study, 'gnss')}; {hint}"]
 
 
 def to_body(study: Study, tables: dict[str, Table]) -> None:

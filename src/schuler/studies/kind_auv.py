@@ -14,7 +14,15 @@ from schuler.judging import consistency, outages
 from schuler.judging.errors import circular, distance, error_series, summary
 from schuler.judging.result import Result
 from schuler.studies.corrected import corrected
-from schuler.studies.inputs import Inputs, check_gravity, check_overlap, read_tables, to_body, withhold
+from schuler.studies.inputs import (
+    Inputs,
+    check_gravity,
+    check_overlap,
+    read_tables,
+    speed_notes,
+    to_body,
+    withhold,
+)
 from schuler.studies.magnetic import recorded_declination
 from schuler.studies.run import DEFAULT_SEED, Progress, made_by, register
 from schuler.studies.warm import need
@@ -40,6 +48,7 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
     inputs = simulate(study, int(seed or 0), progress) if simulated else read_tables(study, progress)
     if not simulated:
         check_overlap(study, inputs, "imu" if "imu" in inputs.tables else "attitude")
+        inputs.notes += speed_notes(study, inputs.tables)
     to_body(study, inputs.tables)
     check_gravity(study, inputs.tables)
     tables, withheld, each = withhold(study, inputs)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -87,9 +88,35 @@ def parse_study(raw: dict[str, Any], folder: Path | None = None) -> Study:
     except ValidationError as error:
         faults += sentences(error, Study, raw)
     faults += cross_faults(raw, folder)
+    faults += [fault for fault in _made_faults(raw) if fault not in faults]
     if faults or study is None:
         raise StudyError(faults)
     return study
+
+
+def _made_faults(raw: dict[str, Any]) -> list[str]:
+    """Faults that only the instruments and missions themselves find, also in a file with other faults."""
+    from schuler.truth.keys import imu_from_keys, mission_from_keys
+
+    faults: list[str] = []
+
+    def attempt(section: type[Section], name: str, make: Callable[[dict[str, Any]], Any], own: tuple[str, ...]) -> None:
+        try:
+            read = section.model_validate(raw[name])
+        except (KeyError, ValidationError):
+            return  # absent, or told already
+        given = {k: getattr(read, k) for k in read.model_fields_set if k not in own}
+        try:
+            make({k: v for k, v in given.items() if v is not None})
+        except StudyError as error:
+            faults.extend(error.faults)
+
+    imu = raw.get("imu")
+    if not (isinstance(imu, dict) and "preset" in imu and set(imu) - {"preset", "calibration"}):  # told already
+        attempt(ImuSection, "imu", imu_from_keys, ("calibration",))
+    if isinstance(raw.get("study"), dict) and raw["study"].get("kind") == "auv":
+        attempt(MissionSection, "mission", mission_from_keys, ("magnetometer", "dvl"))
+    return faults
 
 
 def load_study(path: str | Path) -> Study:

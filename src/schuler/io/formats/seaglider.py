@@ -45,10 +45,19 @@ class Dive:
 
 
 def recognise(path: Path) -> bool:
-    """A p*.nc file, or a folder with such files or with diveN_eng tables."""
+    """A p*.nc file (any file that is netCDF: nothing else is read from those), or a folder with dives."""
     if path.is_dir():
         return any(_NC.match(p.name) or ((m := _SET.match(p.name)) and m[2].lower() == "eng") for p in path.iterdir())
-    return bool(_NC.match(path.name)) and path.is_file()
+    return path.is_file() and (bool(_NC.match(path.name)) or _is_netcdf(path))
+
+
+def _is_netcdf(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            head = file.read(4)
+    except OSError:
+        return False
+    return head == b"\x89HDF" and path.suffix.lower() in (".nc", ".nc4") or head[:3] == b"CDF"
 
 
 def convert(path: Path) -> dict[str, Table]:

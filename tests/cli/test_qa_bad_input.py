@@ -1,0 +1,157 @@
+"""More that bad input gets: numbers beyond any vehicle, clocks that jump in gaps, units that contradict each other."""
+
+import re
+
+import pytest
+
+from schuler.ground.errors import InputError
+from schuler.io.tables import read_table
+
+
+def change(file, column, function):
+    """Rewrites one column of a CSV: function(row, value) -> value."""
+    lines = file.read_text().splitlines()
+    names = [n.split("[")[0] for n in lines[0].split(",")]
+    k = names.index(column)
+    rows = [line.split(",") for line in lines[1:]]
+    for i, cells in enumerate(rows):
+        cells[k] = repr(function(i, float(cells[k])))
+    file.write_text("\n".join([lines[0], *(",".join(c) for c in rows)]) + "\n")
+
+
+def shown(program, trial, status, *said):
+    done = program("run", trial / "study.toml")
+    text = done.out if status == 0 else done.err
+    assert done.status == status, done.out + done.err
+    assert "Traceback" not in done.err and (status == 0) == (trial / "trial-result").exists()
+    for word in said:
+        assert re.search(word, text), text
+    return done
+
+
+# ---- stray rows ----
+
+
+@pytest.mark.parametrize(
+    ("table", "column"),
+    [("imu", "gyro_x"), ("imu", "accel_x"), ("imu", "time"), ("speed", "speed"), ("depth", "depth"), ("gnss", "lat")],
+)
+def test_a_row_beyond_any_vehicle_is_left_out(program, trial, table, column):
+    change(trial / f"{table}.csv", column, lambda i, v: 1e300 if i == 20 else v)
+    shown(program, trial, 0, rf"{table}\.csv: 1 of \d+ rows left out.*line 22")
+
+
+@pytest.mark.parametrize("column", ["height", "v_north", "std_north"])
+def test_an_optional_number_beyond_any_vehicle_is_not_known(program, trial, column):
+    change(trial / "gnss.csv", column, lambda i, v: 1e300 if i == 20 else v)
+    shown(program, trial, 0, rf"gnss\.csv: {column} .*line 22.*unknown")
+
+
+def test_a_whole_column_beyond_any_vehicle(program, trial):
+    change(trial / "depth.csv", "depth", lambda i, v: v + 9e9)
+    shown(program, trial, 1, r"depth\.csv: depth reaches 9e\+09 m in 210 of 210 rows")
+
+
+def test_places_before_the_first_fix(program, trial):
+    for column in ("lat", "lon"):
+        change(trial / "gnss.csv", column, lambda i, v: 0.0 if i < 3 else v)
+    shown(program, trial, 0, "3 of 90 rows left out at exactly 0 N 0 E")
+
+
+def test_a_track_through_0_n_0_e_is_kept(tmp_path):
+    file = tmp_path / "gnss.csv"
+    file.write_text("time[s],lat[deg],lon[deg]\n" + "".join(f"{i},{(i - 5) * 1e-5},{0.0}\n" for i in range(11)))
+    assert len(read_table(file, "gnss")) == 11
+
+
+def test_a_clock_that_was_not_set_in_one_row(program, trial):
+    change(trial / "imu.csv", "time", lambda i, v: 1e9 if i == 10499 else v)
+    shown(program, trial, 0, r"imu\.csv: 1 of 10500 rows left out, stamped more than a year away")
+
+
+def test_a_gap_of_months_is_refused_in_one_sentence(program, trial):
+    change(trial / "imu.csv", "time", lambda i, v: v + 1e7 if i > 10000 else v)
+    done = shown(program, trial, 1, r"imu\.csv has a gap of 116 days after 200\.0 s")
+    assert len(done.err.strip().splitlines()) == 1 or "overlap" in done.err
+
+
+def test_one_time_for_all_rows_is_said_to_be_that(program, trial):
+    change(trial / "imu.csv", "time", lambda i, v: 5.0)
+    shown(program, trial, 1, "one row", "10499 rows left out that repeat the time")
+
+
+# ---- clocks that roll over while nothing is recorded ----
+
+
+@pytest.mark.parametrize("size", [604800.0, 86400.0])
+def test_week_and_midnight_roll_over_in_a_dive(program, trial, size):
+    for file in ("imu", "gnss", "speed", "depth", "truth"):
+        change(trial / f"{file}.csv", "time", lambda i, v: (v + size - 100.0) % size)
+    done = shown(program, trial, 0, "week rolled over|passes midnight")
+    assert "without fixes" in done.out and "do not overlap" not in done.out
+
+
+def test_the_week_number_is_put_right_in_a_gap(tmp_path):
+    times = [1.0, 2.0, 3.0, 1024 * 604800.0 + 500.0, 1024 * 604800.0 + 501.0]
+    file = tmp_path / "depth.csv"
+    file.write_text("time[s],depth[m]\n" + "".join(f"{t},1.0\n" for t in times))
+    assert read_table(file, "depth").time.tolist() == [1.0, 2.0, 3.0, 500.0, 501.0]
+
+
+def test_rounding_does_not_make_time_go_back(tmp_path):
+    file = tmp_path / "depth.csv"
+    file.write_text("time[s],depth[m]\n32.02,1\n32.040000000000006,2\n32.04,3\n32.06,4\n")
+    assert len(read_table(file, "depth")) == 3
+    file.write_text("time[s],depth[m]\n32.02,1\n32.05,2\n32.04,3\n32.06,4\n")
+    with pytest.raises(InputError, match="goes back at line 4"):
+        read_table(file, "depth")
+
+
+# ---- units that contradict another table ----
+
+
+@pytest.mark.parametrize(("factor", "hint"), [(1 / 0.514444, r"speed\[kn\]"), (3.6, r"speed\[km/h\]")])
+def test_a_speed_in_another_unit_is_asked_about(program, trial, factor, hint):
+    change(trial / "speed.csv", "speed", lambda i, v: v * factor)
+    shown(program, trial, 0, r"speed\.csv reads .* times the speed over ground.*" + hint)
+
+
+# ---- the study file ----
+
+
+def test_an_unknown_preset_is_told_with_the_other_faults(program, trial):
+    with open(trial / "study.toml", "a") as file:
+        file.write('[noise]\nspeed_mps = -1\n[imu]\npreset = "xsens"\n')
+    done = shown(program, trial, 2, r"\[noise\] speed_mps", r"\[imu\] preset = 'xsens' is not known")
+    assert len(done.err.strip().splitlines()) == 2
+    assert all("study.toml: " in line for line in done.err.strip().splitlines())
+
+
+def test_a_mission_that_cannot_be_is_told_with_the_other_faults(program, tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text('[study]\nname="x"\nkind="auv"\n[mission]\ndive_s=60\ndepth_m=500\n[noise]\nspeed_mps=-1\n')
+    done = program("run", path)
+    assert done.status == 2 and "too short" in done.err and "[noise] speed_mps" in done.err
+
+
+@pytest.mark.parametrize("line", ["[start]\nheight_m = 1e308", "[noise]\ncurrent_mps = 1e200"])
+def test_numbers_that_nothing_has(program, trial, line):
+    with open(trial / "study.toml", "a") as file:
+        file.write(line + "\n")
+    shown(program, trial, 2, "far outside anything real")
+
+
+def test_a_start_after_the_end(program, trial):
+    with open(trial / "study.toml", "a") as file:
+        file.write("[start]\ntime_s = 9999\n")
+    shown(program, trial, 1, r"\[start\] time_s = 9999 s lies after the end of imu\.csv")
+
+
+# ---- files ----
+
+
+def test_a_cut_netcdf_of_any_name(program, tmp_path):
+    file = tmp_path / "mission.nc"
+    file.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))
+    done = program("convert", file, tmp_path / "out")
+    assert done.status == 1 and "damaged or cut off" in done.err and not (tmp_path / "out").exists()

@@ -265,7 +265,9 @@ def tracked() -> list[Path]:
 
 def test_no_path_of_one_machine_and_no_package_registry_is_in_the_repository():
     machine = re.compile(r"(?<![\w.])/(?:home|root|work|mnt|Users|private)/\w|\b[A-Z]:\\\\?Users")
-    registry = re.compile(r"(?i)\bpypi\.\w+/|python[h]osted|--(?:extra-)?index-[u]rl|/[s]imple/|https?://(?:\d+\.){3}\d+")
+    registry = re.compile(
+        r"(?i)\bpypi\.\w+/|python[h]osted|--(?:extra-)?index-[u]rl|/[s]imple/|https?://(?:\d+\.){3}\d+"
+    )
     faults = []
     for path in tracked():
         if not path.is_file() or path.suffix in (".png", ".npz", ".gz"):

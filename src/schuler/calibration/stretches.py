@@ -108,8 +108,13 @@ def stretches_of(table: Table, plan: str) -> list[Stretch]:
     return out
 
 
+def usual_step(time: Array) -> float:
+    """s between rows: the median over the first hundred thousand."""
+    return float(np.median(np.diff(time[:100_000])))
+
+
 def rows_inside(middle: Array, stretch: Stretch, dt: float) -> tuple[int, int]:
-    """First and one past the last row whose whole interval lies in the stretch; middle (n,): middles of the intervals."""
+    """First and one past the last row whose whole interval lies in the stretch; middle (n,): middles of intervals."""
     first = np.searchsorted(middle, stretch.start + 0.499 * dt)
     last = np.searchsorted(middle, stretch.end - 0.499 * dt, side="right")
     return int(first), int(max(last, first))

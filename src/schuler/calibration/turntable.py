@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from schuler.calibration import turntable_checks as checks
-from schuler.calibration.stretches import Stretch, rows_inside, stretches_of
+from schuler.calibration.stretches import Stretch, rows_inside, stretches_of, usual_step
 from schuler.ground.earth import WGS84
 from schuler.ground.errors import InputError
 from schuler.ground.tables import Table
@@ -106,7 +106,7 @@ def calibrate(imu: Table, positions: Table, settings: TurntableSettings | None =
     """Lever arms from an imu table and the plan's positions table. Raises InputError for what cannot be used."""
     settings = settings or TurntableSettings()
     if imu.kind == "increments" or "dv_x" in imu:
-        dt = np.diff(imu.time, prepend=imu.time[0] - float(np.median(np.diff(imu.time))))
+        dt = np.diff(imu.time, prepend=imu.time[0] - usual_step(imu.time))
         outputs = imu.stack("dv_x", "dv_y", "dv_z") / dt[:, None]
         gyro = imu.stack("dtheta_x", "dtheta_y", "dtheta_z") / dt[:, None]
     else:
@@ -130,10 +130,11 @@ def calibrate_outputs(
     the mean over the interval that ends there."""
     said = list(notes)
     e = np.asarray(settings.directions, dtype=np.float64)
-    outputs = np.ascontiguousarray(outputs, dtype=np.float64)
+    outputs = np.asfortranarray(outputs, dtype=np.float64)  # sums run down the columns
+    gyro = None if gyro is None else np.asfortranarray(gyro, dtype=np.float64)
     if outputs.ndim != 2 or e.shape != (outputs.shape[1], 3):
         raise InputError(f"{outputs.shape[1]} accelerometers and {len(e)} directions; give a direction for each")
-    dt = float(np.median(np.diff(time)))
+    dt = usual_step(time)
     middle = np.ascontiguousarray(time - 0.5 * dt)
     inside = [s for s in stretches if s.start < time[-1] and s.end > time[0]]
     if len(inside) < len(stretches):
@@ -215,7 +216,7 @@ class _Spin:
 def _spin(middle: Array, outputs: Array, s: Stretch) -> _Spin:
     from schuler.kernels.turntable import BASIS, harmonic_sums
 
-    dt = float(np.median(np.diff(middle)))
+    dt = usual_step(middle)
     first, last = rows_inside(middle, s, dt)
     if last - first < 10:
         raise InputError(f"{s.name} holds {last - first} rows of the recording; correct start[s] and end[s]")
@@ -264,7 +265,7 @@ def _stops(
     middle: Array, outputs: Array, stills: Sequence[Stretch], block: float
 ) -> tuple[list[_Stop], list[tuple[Array, Array]]]:
     stops, blocks = [], []
-    dt = float(np.median(np.diff(middle)))
+    dt = usual_step(middle)
     for s in stills:
         first, last = rows_inside(middle, s, dt)
         if last - first < 10:

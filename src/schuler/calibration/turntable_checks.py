@@ -43,8 +43,8 @@ def saturated(time: Array, outputs: Array, stretches: Sequence[Stretch]) -> None
             y = outputs[rows[s.row], i]
             if y.size >= 50 and np.ptp(y) == 0.0 and noisy:
                 raise InputError(
-                    f"accelerometer {_axis(i)} gives {y[0]:.4g} m/s^2 in every row of the {s.name}: it is saturated or stuck; "
-                    "use a wider range"
+                    f"accelerometer {_axis(i)} gives {y[0]:.4g} m/s^2 in every row of the {s.name}: it is saturated or "
+                    "stuck; use a wider range"
                 )
             if y.size < 50 or np.ptp(y) == 0.0:
                 continue
@@ -137,7 +137,8 @@ def rates(time: Array, gyro: Array, spins: Sequence[Stretch], stills: Sequence[S
                 f"{np.rad2deg(s.rate):.3f}; "
                 "correct rate[deg/s], or the gyros' unit"
             )
-        times, means = _blocks(time, gyro @ s.u, s, max(1.0, (s.end - s.start) / 200.0))
+        times, parts = _blocks(time, gyro, s, max(1.0, (s.end - s.start) / 200.0))
+        means = parts @ s.u
         usual = float(np.median(means))
         scatter = 1.4826 * float(np.median(np.abs(means - usual)))
         off = np.abs(means - usual) > _HELD * abs(s.rate) + 8.0 * scatter

@@ -157,3 +157,22 @@ def test_bad_cases_are_refused_in_words():
         inertial.navigate(PlatformCase(lat=0.1), "free-heading")
     with pytest.raises(InputError, match="no form"):
         inertial.navigate(PlatformCase(lat=0.1), form="precise")
+
+
+def test_the_transient_ends_on_the_end_values_with_every_error():
+    """Scales of accelerometers and torquers act in the loops as in the end values."""
+    case = PlatformCase(
+        lat=math.radians(35.7),
+        heading=math.radians(40.0),
+        accel_bias=(1e-3, -2e-3),
+        accel_scale=(2e-3, -1e-3),
+        torquer_scale=(1e-3, -2e-3, 3e-3),
+        drift=(5e-8, -1e-7, 5e-7),
+        drift_carried=True,
+        gimbal_bias=1e-3,
+    )
+    loops = alignment.levelling_loop(0.03, 0.8), alignment.azimuth_loop(0.05, 0.8)
+    run = alignment.align(case, *loops, 1500.0, start=(0.01, -0.01, 0.02))
+    end = alignment.end_values(case)
+    np.testing.assert_allclose(run.commands[-1], end.commands, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose([run.phi_x[-1], run.phi_y[-1], run.psi[-1]], [end.phi_x, end.phi_y, end.psi], atol=1e-10)

@@ -158,8 +158,14 @@ def test_there_are_four_scenarios_by_three_drifts():
 
 BAD = {
     "drift of another unit": ({"drift_deg_per_h": [36.0, 0.0, 0.0]}, "0.01 deg/s"),
-    "drift in rad/s": ({"drift_deg_per_h": [4.8e-8, 0.0, 0.0]}, "in rad/s it would be"),
+    "drift in rad/s": ({"drift_deg_per_h": [4.8e-8, 0.0, 0.0]}, "in rad/s 0.0099 deg/h"),
+    "drift in deg/s": ({"drift_deg_per_h": [0.0, 0.0, 2.8e-6]}, "in deg/s it would be 0.0101 deg/h"),
+    "a ramp per second": ({"drift_ramp_deg_per_h2": [500.0, 0.0, 0.0]}, "of drift in an hour"),
+    "a negative size": ({"drift_walk_deg_per_h_per_sqrt_h": [0.0, -0.01, 0.0]}, "it is a size: type 0.01"),
     "faster than the torquers": ({**FLIGHT, "torquer_limit_deg_per_h": 40.0}, "asks the torquers for"),
+    "torquers slower than the Earth": ({"torquer_limit_deg_per_h": 5.0}, "12.2 deg/h at rest and they give 5"),
+    "a height of no vehicle": ({"height_m": 1e8}, "lies between -12000 and 1e+06"),
+    "a depth of no vehicle": ({"height_change_m": -2e4}, "height_change_m: it puts the vehicle -20000 m high"),
     "over a pole": ({"motion": "constant-rates", "lat_change_deg": 60.0}, "over a pole"),
     "z not positive": ({"height_m": -7e6}, "type a height above ground"),
     "rest that moves": ({"lat_change_deg": 5.0}, 'type motion = "constant-rates"'),
@@ -168,6 +174,13 @@ BAD = {
     "too much lag": ({"alignment": {"lag_s": 60.0}}, "must stay below"),
     "time after the end": ({"at_s": [600, 9000]}, "outside the run"),
     "a bias of two g": ({"accel_bias_ug": [2e6, 0.0]}, "millionths of g"),
+    "a bias in g": ({"accel_bias_ug": [1e-4, 0.0]}, "in g it would be 100 ug"),
+    "no accelerometer left": ({"accel_scale_ppm": [-1e6, 0.0]}, "scale errors are below 10 %"),
+    "no torquer left": ({"torquer_scale_ppm": [0.0, -1e6, 0.0]}, "scale errors are below 10 %"),
+    "a loop too fast to compute": ({"alignment": {"level_rad_per_s": 1e6}}, "level_rad_per_s, duration_s"),
+    "an alignment too long to compute": ({"alignment": {"duration_s": 1e8}}, "shorter duration_s"),
+    "a map beyond the poles": ({"map": {"lat_deg": [-180.0, 180.0, 5.0]}}, "leaves -90 to 90 deg"),
+    "a map for days": ({"map": {"lat_deg": [-85.0, 85.0, 5000.0]}}, "type coarser grids"),
     "a model of the sphere": ({"earth": "ellipsoid", "algorithms": ["as-published"]}, "is of the sphere"),
     "nothing to run": ({"algorithms": []}, "is empty"),
 }
@@ -208,3 +221,50 @@ def test_what_is_warned_of():
     assert any("not a platform" in n for n in steep.notes)
     carried = run_study(study(drift_at_switch="carried", duration_s=600.0, at_s=[600]))
     assert any("drift carried" in n for n in carried.notes)
+    mapped = run_study(
+        study(
+            duration_s=600.0,
+            at_s=[600],
+            algorithms=["free-azimuth"],
+            drift_walk_deg_per_h_per_sqrt_h=[0.01, 0.0, 0.0],
+            map={"lat_deg": [0.0, 10.0, 2.0], "heading_deg": [0.0, 0.0, 1.0]},
+        )
+    )
+    assert any("random walk of the drift is left out" in n for n in mapped.notes)
+
+
+def test_flying_against_the_earth_asks_less_of_the_torquers():
+    """Westward at the equator the motion takes from the Earth's turn: 100 deg in two hours less 15 deg/h."""
+    west = {"lat_deg": 0.0, "motion": "constant-rates", "lon_change_deg": -100.0, "algorithms": ["free-azimuth"]}
+    run_study(study(**west, torquer_limit_deg_per_h=40.0))
+    with pytest.raises(StudyError, match="asks the torquers for 65 deg/h"):
+        run_study(study(**{**west, "lon_change_deg": 100.0}, torquer_limit_deg_per_h=40.0))
+
+
+def test_errors_beside_the_drift_are_not_called_lossless():
+    said = run_study(study(accel_bias_ug=[100.0, 0.0], algorithms=["position-independent"])).summary["said"][0]
+    assert "accelerometers" in said
+    assert "loses nothing" not in said
+    said = run_study(study(algorithms=["position-independent"])).summary["said"][0]
+    assert "loses nothing" in said
+
+
+def test_columns_on_the_terminal_stay_apart():
+    keys = {"drift_deg_per_h": [36.0, 0.0, 0.0], "trust_units": True, "algorithms": ["strapdown-open-loop"]}
+    result = run_study(study(**keys))
+    line = next(x for x in result.details.told("p") if x.startswith("  strapdown-open-loop"))
+    assert len(line.split()) == 1 + len(result.details.at)
+
+
+def test_every_logarithmic_axis_has_numbers(flight):
+    from schuler.report.sections import platform as sections
+    from schuler.report.view import View
+
+    figures = sections.errors(View(flight)).figures
+    assert [f.id for f in figures] == [f"fig-error-{n}" for n in ("none", "channel-1", "channel-3", "all")]
+    for figure, low in zip(figures, (1e-9, 1e-3, 1e-3, 1e-3), strict=True):
+        axes = [a for a in figure.spec["layout"].values() if isinstance(a, dict) and a.get("type") == "log"]
+        assert len(axes) == (1 if low < 1e-6 else 2)
+        for axis in axes:
+            assert axis["tickvals"][0] == pytest.approx(low)
+            assert 3 <= len(axis["tickvals"]) <= 7

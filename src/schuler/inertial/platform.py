@@ -122,8 +122,14 @@ class PlatformCase:
         return float((RADIUS + self.height) * np.hypot(self.lat_change / t, np.abs(east).max()))
 
     def command_rate(self) -> float:
-        """Largest rate that the torquers of the level axes are asked for, rad/s: Earth rate and motion together."""
-        return OMEGA + self.speed() / (RADIUS + self.height)
+        """Largest rate that the torquers of the level axes are asked for, rad/s: the level part of the inertial rate.
+
+        The platform stands anyhow about its vertical, so that either axis may get all of it.
+        """
+        t = self.duration - 0.5 * self.start_ramp
+        lats = self.lat + self.lat_change * np.linspace(0.0, 1.0, 181)
+        still = OMEGA * math.cos(self.lat)  # alignment, before the motion begins
+        return max(still, float(np.hypot(self.lat_change / t, (OMEGA + self.lon_change / t) * np.cos(lats)).max()))
 
     def near_pole(self) -> bool:
         """Whether the path comes so near a pole that latitude and longitude fail as states of an algorithm."""

@@ -238,7 +238,8 @@ def align(
     c[[k.KP_LEVEL, k.KI_LEVEL, k.KP_AZIMUTH, k.KI_AZIMUTH]] = level.kp, level.ki, azimuth.kp, azimuth.ki
     c[k.LAG] = level.lag
     c[[k.PSI_BODY, k.BIAS_PSI]] = case.heading, case.gimbal_bias
-    c[[k.BIAS_1, k.BIAS_2]] = case.accel_bias
+    c[[k.BIAS_1, k.BIAS_2]], c[[k.SCALE_1, k.SCALE_2]] = case.accel_bias, case.accel_scale
+    c[[k.TORQUER_1, k.TORQUER_2, k.TORQUER_3]] = case.torquer_scale
     if case.drift_carried:
         c[[k.DRIFT_1, k.DRIFT_2, k.DRIFT_3]] = case.drift
     end = end_values(case)

@@ -297,6 +297,16 @@ def _strapdown(found: DriftSet, why: Why) -> str:
 
 def _without_drift(found: DriftSet, form: str) -> str:
     largest = found.largest(PI)
+    if found.case != found.case.without_errors():
+        return (
+            f"without drift: the other errors of this study (accelerometers, torquers, gimbal) put the {form} "
+            f"position-independent form {size_of(largest)} off at most."
+        )
+    if found.case.earth == "ellipsoid":
+        return (
+            f"without drift: the {form} position-independent form is {size_of(largest)} off at most; it goes on with "
+            "a sphere of constant z while the vehicle moves on the ellipsoid."
+        )
     if form == "exact":
         return (
             f"without drift: the exact position-independent form is {size_of(largest)} off at most. It needs neither "
@@ -326,7 +336,7 @@ def terminal(details: PlatformDetails, name: str) -> list[str]:
             continue
         lines.append(f"{found.title.lower()}, error in m at " + ", ".join(f"{t:g} s" for t in details.at))
         for algorithm, run in found.runs.items():
-            values = "".join(f"{e:12.3f}" for e in run.at(details.at)[:, 0])
+            values = "".join(f" {e:11.3f}" for e in run.at(details.at)[:, 0])
             label = algorithm + (" (not physical)" if algorithm == PUBLISHED and found.case.drift[2] else "")
             lines.append(f"  {label:31s}{values}")
     a = details.alignment

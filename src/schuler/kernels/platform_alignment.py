@@ -28,13 +28,18 @@ _jit = njit(cache=True, error_model="numpy")
     LAG,  # first-order lag of the loops' signals, s; 0: none
     PSI_BODY,  # the heading that the gimbal angle is counted from, rad
     BIAS_PSI,
-    BIAS_1,  # measured force = f - bias
+    BIAS_1,  # measured force = (1 + scale) f - bias
     BIAS_2,
+    SCALE_1,
+    SCALE_2,
+    TORQUER_1,  # rate = (1 + scale) command + drift
+    TORQUER_2,
+    TORQUER_3,
     DRIFT_1,
     DRIFT_2,
     DRIFT_3,
     N_PLANT,
-) = range(17)
+) = range(22)
 N_LOOP = 10  # q_mN_S, integrals of channels 1, 2, 3, lagged signals 1, 2, 3
 N_SHOWN = 9  # psi, phi_x, phi_y, commands p, q, r, measured forces f1, f2, gimbal angle less its bias
 
@@ -50,7 +55,14 @@ def _signals(y, c):
     m22 = y[0] ** 2 - y[1] ** 2 - y[2] ** 2 + y[3] ** 2
     psi = math.atan2(m10, m00)
     e = wrap_pi(psi - c[PSI_BODY]) - c[BIAS_PSI]
-    return f1 - c[BIAS_1], f2 - c[BIAS_2], e, psi, math.asin(-m20), math.atan2(m21, m22)
+    return (
+        (1.0 + c[SCALE_1]) * f1 - c[BIAS_1],
+        (1.0 + c[SCALE_2]) * f2 - c[BIAS_2],
+        e,
+        psi,
+        math.asin(-m20),
+        math.atan2(m21, m22),
+    )
 
 
 @_jit
@@ -73,7 +85,9 @@ def _loop_rates(y, c, dy):
         a1, a2, e = y[7], y[8], y[9]
     dy[4], dy[5], dy[6] = c[KI_LEVEL] * a1, c[KI_LEVEL] * a2, c[KI_AZIMUTH] * e
     e1, e2, e3 = turn(y[0], -y[1], -y[2], -y[3], c[W_NORTH], 0.0, c[W_UP])
-    spin(y, 0, p + c[DRIFT_1] - e1, q + c[DRIFT_2] - e2, r + c[DRIFT_3] - e3, dy)
+    w1 = (1.0 + c[TORQUER_1]) * p + c[DRIFT_1] - e1
+    w2 = (1.0 + c[TORQUER_2]) * q + c[DRIFT_2] - e2
+    spin(y, 0, w1, w2, (1.0 + c[TORQUER_3]) * r + c[DRIFT_3] - e3, dy)
 
 
 @_jit

@@ -287,6 +287,7 @@ def told(
         "duration_s": details.case.duration,
         "method": f"{track.algorithm}, {track.form}" if track.algorithm == "position-independent" else track.algorithm,
         "errors": {"filter": errors, "smoother": None},
+        "consistency": None,  # nothing here states its own uncertainty
         "platform": rows(details.main, details.at),
         "platform_drift_sets": [{"drift": s.name, "algorithms": rows(s, details.at)} for s in details.sets],
         "theory": [

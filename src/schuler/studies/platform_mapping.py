@@ -16,8 +16,13 @@ DEG = math.pi / 180.0
 DEG_H = DEG / 3600.0
 UG = 9.80665e-6
 _LARGE_DRIFT = 10.0  # deg/h; a platform gyro has 0.001 to 1
-_SMALL_DRIFT = 1e-6  # deg/h; what rad/s typed as deg/h looks like
+_SMALL_DRIFT = 3e-5  # deg/h; below the best gyros built, and what 0.1 deg/h and less look like in deg/s or rad/s
 _LARGE_BIAS = 1e5  # ug, 0.1 g; a platform's accelerometers have 1 to 1000 ug
+_SMALL_BIAS = 1e-3  # ug; what a bias typed in g looks like
+_LARGE_SCALE = 1e5  # ppm, a tenth
+_LOWEST, _HIGHEST = -12e3, 1e6  # m; the deepest sea to a low orbit
+_MOST_CASES = 250_000  # of a map for all algorithms: some minutes
+_MOST_LOOP_TIMES = 1e6  # alignment's duration in times of its fastest pole
 _LINEAR_S = 3.0 * 3600.0
 _LINEAR_TURN = 0.02  # rad by which a drift may turn the platform before second order shows
 
@@ -31,13 +36,7 @@ def section_of(study: Study) -> PlatformSection:
 
 def check(p: PlatformSection) -> None:
     """StudyError with every fault of the section."""
-    faults = [*_drift_faults(p), *_motion_faults(p), *_loop_faults(p)]
-    faults += [
-        f"[platform] accel_bias_ug: {bias:g} ug is {bias * 1e-6:.3g} g; a platform's accelerometers have 1 to 1000 ug. "
-        "Type the bias in millionths of g"
-        for bias in p.accel_bias_ug
-        if abs(bias) > _LARGE_BIAS
-    ]
+    faults = [*_drift_faults(p), *_accel_faults(p), *_motion_faults(p), *_loop_faults(p), *_map_faults(p)]
     if not p.algorithms:
         faults.append('[platform] algorithms: is empty; type algorithms = ["position-independent", "free-azimuth"]')
     elif not algorithms_of(p):
@@ -51,9 +50,20 @@ def check(p: PlatformSection) -> None:
 
 
 def _drift_faults(p: PlatformSection) -> list[str]:
+    faults = [
+        f"[platform] drift_walk_deg_per_h_per_sqrt_h: {value:g} is negative; it is a size: type {-value:g}"
+        for value in p.drift_walk_deg_per_h_per_sqrt_h
+        if value < 0.0
+    ]
     if p.trust_units:
-        return []
-    faults = []
+        return faults
+    for name, unit in (("drift_ramp_deg_per_h2", "deg/h^2"), ("drift_walk_deg_per_h_per_sqrt_h", "deg/h/sqrt(h)")):
+        faults += [
+            f"[platform] {name}: {value:g} {unit} makes more than {_LARGE_DRIFT:g} deg/h of drift in an hour, and "
+            "platform gyros drift by 0.001 to 1 deg/h. Type it per hour, or trust_units = true if it is right"
+            for value in getattr(p, name)
+            if abs(value) > _LARGE_DRIFT
+        ]
     for value in p.drift_deg_per_h:
         if abs(value) > _LARGE_DRIFT:
             faults.append(
@@ -63,9 +73,33 @@ def _drift_faults(p: PlatformSection) -> list[str]:
             )
         elif 0.0 < abs(value) < _SMALL_DRIFT:
             faults.append(
-                f"[platform] drift_deg_per_h: {value:g} deg/h is less than any gyro drifts; in rad/s it would be "
-                f"{value / DEG_H:.3g} deg/h. Type the drift in deg/h; if it is right add trust_units = true"
+                f"[platform] drift_deg_per_h: {value:g} deg/h is less than any gyro drifts; in deg/s it would be "
+                f"{value * 3600.0:.3g} deg/h, in rad/s {value / DEG_H:.3g} deg/h. Type the drift in deg/h; if it is "
+                "right add trust_units = true"
             )
+    return faults
+
+
+def _accel_faults(p: PlatformSection) -> list[str]:
+    faults = []
+    for bias in () if p.trust_units else p.accel_bias_ug:
+        if abs(bias) > _LARGE_BIAS:
+            faults.append(
+                f"[platform] accel_bias_ug: {bias:g} ug is {bias * 1e-6:.3g} g; a platform's accelerometers have 1 to "
+                "1000 ug. Type the bias in millionths of g"
+            )
+        elif 0.0 < abs(bias) < _SMALL_BIAS:
+            faults.append(
+                f"[platform] accel_bias_ug: {bias:g} ug is less than any accelerometer errs by; in g it would be "
+                f"{bias * 1e6:.3g} ug. Type the bias in millionths of g; if it is right add trust_units = true"
+            )
+    for name in ("accel_scale_ppm", "torquer_scale_ppm"):
+        faults += [
+            f"[platform] {name}: {value:g} ppm is {value * 1e-4:.3g} %; scale errors are below 10 %. Type the error "
+            "of the scale in millionths, 0 for a right one"
+            for value in getattr(p, name)
+            if abs(value) > _LARGE_SCALE
+        ]
     return faults
 
 
@@ -87,29 +121,41 @@ def _motion_faults(p: PlatformSection) -> list[str]:
             f"{RADIUS + min(p.height_m, p.height_m + p.height_change_m):g} m; type a height above ground, in metres"
         )
         return faults
+    for key, height in (("height_m", p.height_m), ("height_change_m", p.height_m + p.height_change_m)):
+        if not _LOWEST <= height <= _HIGHEST:
+            faults.append(
+                f"[platform] {key}: it puts the vehicle {height:g} m high; a height above ground in metres lies "
+                f"between {_LOWEST:g} and {_HIGHEST:g}"
+            )
+            return faults
     end = p.lat_deg + p.lat_change_deg
     if abs(end) >= 90.0:
         faults.append(
             f"[platform] lat_change_deg: from {p.lat_deg:g} deg it leads over a pole ({end:g} deg), where north and "
             f"east lose their meaning; type at most {math.copysign(90.0, end) - p.lat_deg:+.4g}"
         )
-    elif moves and p.motion == "constant-rates":
-        case = _moving(p)
-        rate, limit = case.command_rate() / DEG_H, p.torquer_limit_deg_per_h
-        if rate > limit:
+    elif (rate := _moving(p).command_rate() / DEG_H) > p.torquer_limit_deg_per_h:
+        limit = p.torquer_limit_deg_per_h
+        if p.motion == "constant-rates" and moves:
             faults.append(
-                f"[platform] lat_change_deg, lon_change_deg: the motion of {case.speed():.0f} m/s, with the Earth's, "
-                f"asks the torquers for {rate:.0f} deg/h and they give {limit:g}; type a longer duration_s, or "
-                "torquer_limit_deg_per_h of a faster platform"
+                f"[platform] lat_change_deg, lon_change_deg: the motion of {_moving(p).speed():.0f} m/s, with the "
+                f"Earth's, asks the torquers for {rate:.0f} deg/h and they give {limit:g}; type a longer duration_s, "
+                "or torquer_limit_deg_per_h of a faster platform"
+            )
+        else:
+            faults.append(
+                f"[platform] torquer_limit_deg_per_h: the Earth's turn alone asks the torquers for {rate:.3g} deg/h "
+                f"at rest and they give {limit:g}; type the limit of a faster platform"
             )
     return faults
 
 
 def _moving(p: PlatformSection) -> PlatformCase:
+    moves = p.motion == "constant-rates"
     return PlatformCase(
         lat=p.lat_deg * DEG,
-        lat_change=p.lat_change_deg * DEG,
-        lon_change=p.lon_change_deg * DEG,
+        lat_change=p.lat_change_deg * DEG * moves,
+        lon_change=p.lon_change_deg * DEG * moves,
         duration=p.duration_s,
         start_ramp=p.start_ramp_s,
         height=p.height_m,
@@ -118,10 +164,38 @@ def _moving(p: PlatformSection) -> PlatformCase:
 
 def _loop_faults(p: PlatformSection) -> list[str]:
     try:
-        loops_of(p)
+        loops = loops_of(p)
     except InputError as error:
         return [f"[platform.alignment]: {error}"]
+    for key, loop in zip(("level_rad_per_s", "azimuth_rad_per_s"), loops, strict=True):
+        fastest = float(abs(loop.poles).max())
+        if p.alignment.duration_s * fastest > _MOST_LOOP_TIMES:
+            return [
+                f"[platform.alignment] {key}, duration_s: {p.alignment.duration_s:g} s is more than "
+                f"{_MOST_LOOP_TIMES:g} times the time of the pole at {fastest:.3g} 1/s, too much to compute; type a "
+                "slower loop or a shorter duration_s"
+            ]
     return []
+
+
+def _map_faults(p: PlatformSection) -> list[str]:
+    if p.map is None:
+        return []
+    faults = []
+    if max(abs(x) for x in p.map.lat_deg[:2]) > 90.0:
+        faults.append(
+            f"[platform.map] lat_deg: {p.map.lat_deg[0]:g} to {p.map.lat_deg[1]:g} leaves -90 to 90 deg; type "
+            "lat_deg = [-85.0, 85.0, 60]"
+        )
+    count = round(p.map.lat_deg[2]) * round(p.map.heading_deg[2])
+    total = count * len(algorithms_of(p)) * p.duration_s / 7200.0
+    if total > _MOST_CASES:
+        faults.append(
+            f"[platform.map] lat_deg, heading_deg: {count} places and headings for {len(algorithms_of(p))} algorithms "
+            f"over {p.duration_s:g} s are {total / _MOST_CASES:.2g} times what runs in minutes; type coarser grids, "
+            "such as 60 x 72"
+        )
+    return faults
 
 
 def loops_of(p: PlatformSection) -> tuple[Loop, Loop]:
@@ -205,6 +279,10 @@ def notes_of(study: Study, p: PlatformSection, case: PlatformCase) -> list[str]:
             "constant z; first-order theory and closed forms are those of the sphere, and as-published, which knows "
             "nothing else, is left out"
         )
+    if p.map is not None and any(walk_of(p)):
+        notes.append("map: each case has the constant drifts and their ramps; the random walk of the drift is left out")
+    if p.map is not None and any(abs(x + p.lat_change_deg) >= 90.0 for x in p.map.lat_deg[:2]) and case.speed() > 0.0:
+        notes.append("map: where lat_change_deg leads over a pole the flight goes straight on, down the other side")
     if any(x != 0.0 for x in p.drift_deg_per_h) and p.drift_at_switch == "carried":
         notes.append(
             "drift carried: alignment has put the opposite of the drift into the commands; the platform does not move, "

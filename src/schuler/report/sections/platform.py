@@ -149,34 +149,57 @@ def errors(view: View) -> Section | None:
 
 def _error_figure(view: View, d: PlatformDetails, found: DriftSet) -> Figure | None:
     axis = _axis(d.case.duration)
-    flat, log = Panel("error, m", height=230), Panel("error, m", height=150, log=True)
+    flat, log = Panel("error, m", height=230), Panel("error, m", height=130, log=True)
+    base = next((a for a in (FREE, PI) if a in found.runs), None)
+    off = Panel("size off\n" + f"{base}, m", height=130, log=True)
+    floor = 1e-9 if found.name == "none" else 1e-3
     tops = [float(r.error.max()) for a, r in found.runs.items() if a != OPEN]
     for name, run in found.runs.items():
         label = f"{name} (not physical)" if name == PUBLISHED and found.case.drift[2] else name
         flat.traces.append(figures.line(view.pool, axis, run.time, run.error, label, COLOR[name], ".4~g"))
-        log.traces.append(_log_line(view, axis, run.time, run.error, label, COLOR[name]))
+        log.traces.append(_log_line(view, axis, run.time, run.error, label, COLOR[name], floor))
+        if base is not None and name != base:
+            gap = np.abs(run.error - found.runs[base].error)
+            off.traces.append(_log_line(view, axis, run.time, gap, label, COLOR[name], floor))
     for i, curve in enumerate(found.curves):
         style = {"dash": _DASH[i % len(_DASH)]}
         flat.traces.append(figures.line(view.pool, axis, curve.time, curve.error, curve.label, TRUTH, ".4~g", **style))
-        log.traces.append(_log_line(view, axis, curve.time, curve.error, curve.label, TRUTH, **style))
+        log.traces.append(_log_line(view, axis, curve.time, curve.error, curve.label, TRUTH, floor, **style))
+        if base is not None:
+            gap = np.abs(curve.error - found.runs[base].error)
+            off.traces.append(_log_line(view, axis, curve.time, gap, curve.label, TRUTH, floor, **style))
     caption = "Great-circle distance from computed to true position."
-    if tops and OPEN in found.runs and found.largest(OPEN) > 1.5 * max(tops) and found.name != "none":
-        flat.span = (0.0, 1.08 * max(tops))
-        caption += " Strapdown without gravity feedback leaves the upper panel; the lower one holds it."
     if found.name == "none":
-        figure = figures.stack(f"fig-error-{found.name}", found.title, [log], axis, caption)
-        if figure is not None:  # powers of ten far below a millimetre
-            figure.spec["layout"]["yaxis"]["tickformat"] = ".0e"
-        return figure
-    return figures.stack(f"fig-error-{found.name}", found.title, [flat, log], axis, caption)
+        panels = [log]
+    else:
+        panels = [flat, log, off]
+        if tops and OPEN in found.runs and found.largest(OPEN) > 1.5 * max(tops):
+            flat.span = (0.0, 1.08 * max(tops))
+            caption += " Strapdown without gravity feedback leaves the upper panel; the second one holds it."
+        if off.traces:
+            caption += f" Lowest: by how much each size differs from {base}, for curves that lie on one another above."
+    figure = figures.stack(f"fig-error-{found.name}", found.title, panels, axis, caption)
+    if figure is not None:
+        _decades(figure, floor, max(found.largest(a) for a in found.runs))
+    return figure
+
+
+def _decades(figure: Figure, floor: float, top: float) -> None:
+    """Powers of ten at most six to a panel on its logarithmic axes, also far below a millimetre."""
+    low, high = round(math.log10(floor)), max(math.ceil(math.log10(max(top, floor))), round(math.log10(floor)) + 1)
+    powers = range(low, high + 1, math.ceil((high - low) / 6))
+    words = [f"{10.0**k:g}" if -4 < k < 6 else f"10<sup>{k}</sup>" for k in powers]
+    for axis in figure.spec["layout"].values():
+        if isinstance(axis, dict) and axis.get("type") == "log":
+            axis |= {"tickvals": [10.0**k for k in powers], "ticktext": words}
 
 
 def _log_line(
-    view: View, axis: TimeAxis, time: Array, value: Array, name: str, color: str, **style: Any
+    view: View, axis: TimeAxis, time: Array, value: Array, name: str, color: str, floor: float, **style: Any
 ) -> dict[str, Any]:
-    """A line for a logarithmic panel: every digit of small values kept, nothing below a nanometre."""
+    """A line for a logarithmic panel: every digit of small values kept, nothing below floor, m."""
     rows = decimate.keep([value])
-    shown = np.where(value[rows] > 1e-9, value[rows], np.nan)
+    shown = np.where(value[rows] > floor, value[rows], np.nan)
     return {
         "type": "scatter",
         "mode": "lines",
@@ -399,6 +422,7 @@ def maps(view: View) -> Section | None:
     if not d.maps:
         return None
     shown, rows = [], []
+    largest = max(float(m.error.max()) for m in d.maps if m.algorithm != OPEN or len(d.maps) == 1) / 1000.0
     for m in d.maps:
         z = m.error / 1000.0
         data = [
@@ -408,6 +432,8 @@ def maps(view: View) -> Section | None:
                 "y": [round(float(x), 4) for x in m.lat / DEG],
                 "z": [[float(f"{x:.4g}") for x in row] for row in z],
                 "colorscale": "Viridis",
+                "zmin": 0.0,
+                "zmax": float(f"{z.max() if m.algorithm == OPEN else largest:.4g}"),
                 "colorbar": {"title": {"text": "km"}, "thickness": 12},
                 "name": m.algorithm,
                 "hovertemplate": "heading %{x}, latitude %{y}: %{z} km<extra></extra>",
@@ -416,8 +442,11 @@ def maps(view: View) -> Section | None:
         layout = {
             "height": 340,
             "margin": {"l": 66, "r": 14, "t": 34, "b": 46},
-            "xaxis": {"title": {"text": "platform heading, deg from north to west", "standoff": 8}},
-            "yaxis": {"title": {"text": "start latitude, deg", "standoff": 6}},
+            "xaxis": {
+                "title": {"text": "platform heading, deg from north to west", "standoff": 8},
+                **_ticks(m.heading),
+            },
+            "yaxis": {"title": {"text": "start latitude, deg", "standoff": 6}, **_ticks(m.lat)},
         }
         spec = {"data": data, "layout": layout}
         title = f"{m.algorithm}, error at {m.at:g} s"
@@ -430,8 +459,16 @@ def maps(view: View) -> Section | None:
                 size_of(float(m.error.max())),
             ]
         )
-    grid = Grid(["algorithm", "smallest", "median", "largest"], rows, f"{d.maps[0].error.size} cases each.")
+    caption = f"{d.maps[0].error.size} cases each, at rest or on this study's motion; one scale of colours"
+    caption += ", strapdown-open-loop its own." if OPEN in {m.algorithm for m in d.maps} else "."
+    grid = Grid(["algorithm", "smallest", "median", "largest"], rows, caption)
     return Section("map", "Over latitude and heading", figures=shown, grids=[grid])
+
+
+def _ticks(angle: Array) -> dict[str, Any]:
+    """Ticks at 30 or 45 deg where a map is wide enough for them."""
+    span = float(np.ptp(angle)) / DEG
+    return {"dtick": 45.0 if span > 200.0 else 30.0, "tick0": 0.0} if span > 90.0 else {}
 
 
 def sensitivity(view: View) -> Section | None:

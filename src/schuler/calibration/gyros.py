@@ -23,7 +23,7 @@ from schuler.calibration.multiposition import (
 from schuler.calibration.rests import Rest
 
 Array = NDArray[np.float64]
-ACROSS = 0.1  # weight of a known turn across its axis
+ACROSS = 0.1  # weight of a known turn across its axis: instruments are set down to half a degree
 
 
 @dataclass(frozen=True)
@@ -107,6 +107,9 @@ def fit_gyros(
     b1 = np.array([rest_bias[t.after] for t in turns]).reshape(-1, 3)
     start = np.array([up(t.first, t.before) for t in turns]).reshape(-1, 3)
     goal = np.array([up(t.last, t.after) for t in turns]).reshape(-1, 3)
+    # Where the accelerometers' own misalignment stayed hidden, gravity is no better a direction than the turn's axis.
+    skew = [ok for n, ok in zip(accel.names, accel.observable, strict=True) if n.startswith("misalignment")]
+    across = ACROSS if all(skew) else 1.0
     axes = np.array([t.axis for t in known], dtype=float).reshape(-1, 3)
     integrals, ideal = _integrals(time, dt, gyro, corrected_force, rests, rest_bias, sense, known)
 
@@ -136,7 +139,7 @@ def fit_gyros(
                 off = integrals[which] @ inverse.T - ideal[which]
                 along = np.sum(off * axes[which], axis=1)
                 # The angle is known well; the axis only as well as the instrument was set down.
-                parts += [along, (ACROSS * (off - along[:, None] * axes[which])).ravel()]
+                parts += [along, (across * (off - along[:, None] * axes[which])).ravel()]
             return np.concatenate(parts)
 
         def model(p: Array) -> tuple[Array, Array]:

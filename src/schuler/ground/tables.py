@@ -149,7 +149,7 @@ def _schema(name: str, needed: str, optional: str = "", choices: str = "", many:
     return Schema(name, tuple(columns.values()), tuple(groups), many)
 
 
-TEXT_COLUMNS = ("id", "position", "kind")
+TEXT_COLUMNS = ("id", "position", "kind", "axis")
 
 _PLACE = "lat[deg] lon[deg] | north[m] east[m]"
 _VELOCITY = "v_north[m/s] v_east[m/s] v_down[m/s]"

@@ -398,8 +398,8 @@ def run_multiposition(imu: Table, positions: Table | None, plan: Plan) -> tuple[
         fitted, told = gyros.fit_gyros(
             time, gyro, force, found, turns, accel, known=known, g_sensitivity=p.g_sensitivity
         )
-        if mp.rms(fitted.residuals) > 3.0 * DEG and mp.rms(fitted.before) > 20.0 * DEG:
-            notes.append(_flipped(time, gyro, force, found, turns, accel))
+        if np.max(np.abs(fitted.values[:9])) > 0.4:  # no instrument is that bad
+            raise InputError(_flipped(time, gyro, force, found, turns, accel))
     elif p.gyros:
         notes.append("too few turns between rests: the gyros' scale and misalignment were not fitted")
     reference = float(np.mean([r.temperature for r in found])) if p.temperature else None

@@ -119,6 +119,33 @@ def warm_strapdown() -> None:
     integrate("quaternion", 4, 0.1, 1.0)
 
 
+def warm_calibration() -> None:
+    """Commands calibrate and allan."""
+    import numpy as np
+
+    from schuler.calibration.allan import KINDS, deviation
+    from schuler.calibration.gyros import fit_gyros, turns_between
+    from schuler.calibration.multiposition import fit_accelerometers
+    from schuler.calibration.rests import Rest
+    from schuler.calibration.turntable import calibrate
+    from schuler.truth.turntable import THESIS_PLAN, Turntable, positions_table
+
+    rng = np.random.default_rng(1)
+    for kind in KINDS:
+        deviation(rng.standard_normal(200), 10.0, kind=kind)
+    plan = positions_table(THESIS_PLAN, still_s=5.0, spin_s=20.0)
+    calibrate(Turntable(np.zeros((3, 3))).record(plan, 10.0), plan)
+    n = 60
+    time, force, gyro = np.arange(n) * 0.1, rng.standard_normal((n, 3)), 1e-3 * rng.standard_normal((n, 3))
+    corners = ([1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1])
+    rests = [
+        Rest(10 * k, 10 * k + 8, float(k), k + 0.8, 9.8 * np.array(c, dtype=float), np.zeros(3), np.full(3, 0.01))
+        for k, c in enumerate(corners)
+    ]
+    accel = fit_accelerometers(rests, 9.8, holdout=False)
+    fit_gyros(time, gyro, force, rests, turns_between(rests), accel, holdout=False)
+
+
 # what `schuler warmup` runs, in order; a part that brings kernels of its own adds a line
 STEPS: list[tuple[str, Callable[[], None]]] = [
     ("auv: simulation, filter, smoother", warm_auv),
@@ -126,6 +153,7 @@ STEPS: list[tuple[str, Callable[[], None]]] = [
     ("auv: the paper's filter", warm_paper),
     ("platform: alignment, algorithms, maps", warm_platform),
     ("strapdown: truth, mechanization, error model, alignment", warm_strapdown),
+    ("calibration: turntable, rests and turns, Allan deviation", warm_calibration),
 ]
 
 

@@ -76,7 +76,7 @@ def test_words_say_what_is_equal_and_why(flight):
     assert "without latitude and longitude" in said
     assert "not turn it" in said
     assert "missing feedback" in said
-    assert "first-order theory about its own axes" in said
+    assert "first order, about its own axes, is at most" in said
     kinds = {(row["drift"], row["kind"]) for row in flight.summary["theory"]}
     assert ("all", "first order") in kinds
 
@@ -221,6 +221,8 @@ def test_what_is_warned_of():
     assert any("not a platform" in n for n in steep.notes)
     carried = run_study(study(drift_at_switch="carried", duration_s=600.0, at_s=[600]))
     assert any("drift carried" in n for n in carried.notes)
+    turned = run_study(study(gimbal_bias_deg=5.0, duration_s=600.0, at_s=[600]))
+    assert any("the errors turn the platform by 0.087 rad" in n for n in turned.notes)
     mapped = run_study(
         study(
             duration_s=600.0,

@@ -164,10 +164,10 @@ def curves(
 ) -> list[Curve]:
     """First-order theory along the path, and the closed forms where the vehicle rests and nothing else is wrong."""
     first = navigate(case, "first-order", time=time, walk=walk)
-    found = [Curve("first-order theory of any r = 0 platform", "first order", time, first.north, first.east)]
+    found = [Curve("first order, any r = 0 platform", "first order", time, first.north, first.east)]
     if PI in runs and runs[PI].form == "exact":
         own = navigate(case, "first-order-tilted", time=time, walk=walk)
-        found.append(Curve("first-order theory about its own axes", TILTED, time, own.north, own.east))
+        found.append(Curve("first order, about its own axes", TILTED, time, own.north, own.east))
     rests = case.lat_change == 0.0 and case.lon_change == 0.0
     alone = replace(case, drift=(0.0, 0.0, 0.0)).without_errors() == replace(case, drift=(0.0, 0.0, 0.0))
     if not rests or not alone or len(channels) != 1 or walk is not None:
@@ -242,10 +242,11 @@ def equalities(details: PlatformDetails) -> list[str]:
             against = PUBLISHED if "tilt part only" in curve.label else PI if curve.kind == TILTED else against
             if against in runs:
                 run = runs[against]
+                kind = "," if curve.kind in ("first order", TILTED) else f" ({curve.kind})"
                 gap = np.hypot(run.north - curve.north, run.east - curve.east)
                 off = float((np.abs(run.error - curve.error) if curve.kind == SIZE else gap).max())
                 said.append(
-                    f"{which}: {curve.label} ({curve.kind}) is at most {size_of(off)} from {against}, "
+                    f"{which}: {curve.label}{kind} is at most {size_of(off)} from {against}, "
                     f"{100.0 * off / max(found.largest(against), 1e-9):.2g} % of its largest error."
                 )
     return said

@@ -258,14 +258,18 @@ def notes_of(study: Study, p: PlatformSection, case: PlatformCase) -> list[str]:
             "and commands; start_ramp_s makes it gentle"
         )
     turn = max(
-        abs(b) * case.duration + 0.5 * abs(r) * case.duration**2
-        for b, r in zip(case.drift, case.drift_ramp, strict=True)
+        *(
+            abs(b) * case.duration + 0.5 * abs(r) * case.duration**2
+            for b, r in zip(case.drift, case.drift_ramp, strict=True)
+        ),
+        abs(case.gimbal_bias),
+        *(abs(b) * 1e-6 / UG for b in case.accel_bias),
     )
     if case.duration > _LINEAR_S or turn > _LINEAR_TURN:
         notes.append(
-            f"beyond the linear range: in {case.duration:g} s a drift turns the platform by {turn:.2g} rad, and closed "
-            f"forms and first-order theory leave out about half of that as a share of the error ({50.0 * turn:.2g} %); "
-            "they also take the Earth's turn for small beyond 3 h. The simulations stay exact"
+            f"beyond the linear range: in {case.duration:g} s the errors turn the platform by {turn:.2g} rad, and "
+            f"closed forms and first-order theory leave out about half of that as a share of the error "
+            f"({50.0 * turn:.2g} %); they also take the Earth's turn for small beyond 3 h. The simulations stay exact"
         )
     if "as-published" in algorithms_of(p) and case.drift[2] != 0.0:
         notes.append(

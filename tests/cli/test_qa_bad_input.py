@@ -1,5 +1,6 @@
 """More that bad input gets: numbers beyond any vehicle, clocks that jump in gaps, units that contradict each other."""
 
+import json
 import re
 
 import pytest
@@ -155,3 +156,16 @@ def test_a_cut_netcdf_of_any_name(program, tmp_path):
     file.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))
     done = program("convert", file, tmp_path / "out")
     assert done.status == 1 and "damaged or cut off" in done.err and not (tmp_path / "out").exists()
+
+
+# ---- the summary agrees with itself ----
+
+
+def test_no_end_is_worse_than_the_worst(program, trial):
+    with open(trial / "study.toml", "a") as file:
+        file.write('[[outage]]\nsensor = "gnss"\nstart_s = 20\nend_s = 40\n')
+        file.write('[[outage]]\nsensor = "speed"\nstart_s = 22.5\nend_s = 33.5\n')
+    shown(program, trial, 0)
+    told = json.loads((trial / "trial-result" / "summary.json").read_text())
+    for entry in [*told["outages"], *told["dives"]]:
+        assert entry["horizontal_end_m"] <= entry["horizontal_max_m"]

@@ -83,9 +83,11 @@ def _end(track: Solution, reference: Table | None, time: float) -> dict[str, Any
     return out
 
 
-def _largest(series: ErrorSeries | None) -> float | None:
+def _largest(series: ErrorSeries | None, end: float | None = None) -> float | None:
+    """Largest horizontal error of the rows, and of the prediction for the end, which lies between two rows."""
     size = series.horizontal[np.isfinite(series.horizontal)] if series is not None else np.array([])
-    return float(size.max()) if len(size) else None
+    found = [*size.tolist(), *([end] if end is not None else [])]
+    return float(max(found)) if found else None
 
 
 def _against_rows(track: Solution, rows: Table, delay: float) -> Array:
@@ -122,7 +124,7 @@ def outage(
     end = _end(filtered, reference, last - (delay if sensor == "gnss" and reference is None else 0.0))
     largest = smooth_largest = None
     if reference is not None:
-        largest = _largest(error_series(filtered, reference).between(start_s, last))
+        largest = _largest(error_series(filtered, reference).between(start_s, last), end["horizontal_end_m"])
         if smoothed is not None:
             smooth_largest = _largest(error_series(smoothed, reference).between(start_s, last))
     elif sensor == "gnss":
@@ -211,7 +213,7 @@ def dives(
                 "end_s": before,
                 "distance_m": length,
                 "horizontal_end_m": end["horizontal_end_m"],
-                "horizontal_max_m": _largest(during),
+                "horizontal_max_m": _largest(during, end["horizontal_end_m"]),
                 "percent_of_distance": percent,
                 "sigma_end_m": end["sigma_end_m"],
                 "nees_half_end": end["nees_half_end"],

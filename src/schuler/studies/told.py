@@ -114,7 +114,8 @@ def _outage(o: dict[str, Any]) -> str:
 def _swept(e: dict[str, Any]) -> str:
     end, smooth = e["filter_end_m"], e["smoother_max_m"]
     line = (
-        f"{e['windows']} outages of {e['length_s']:g} s: error at the end {metres(end['p50'])} (median), "
+        f"{e['windows']} outage{'s' * (e['windows'] != 1)} of {e['length_s']:g} s: "
+        f"error at the end {metres(end['p50'])} (median), "
         f"{metres(end['p95'])} for 95 %"
     )
     if smooth["p50"] is not None:

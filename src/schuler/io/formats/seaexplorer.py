@@ -84,7 +84,7 @@ def convert(path: Path, heading_includes_declination: bool = False) -> dict[str,
         raise InputError(f"{path}: no row has heading, pitch, roll and depth")
     if not good.all():
         notes.append(f"{int((~good).sum())} rows without heading, pitch, roll or depth left out of attitude and depth")
-    heading = rows["heading"]
+    heading, heading_name = rows["heading"], "heading"
     declination = rows["declination"]
     if heading_includes_declination:
         notes.append("heading is taken as true as it stands, as asked")
@@ -93,13 +93,13 @@ def convert(path: Path, heading_includes_declination: bool = False) -> dict[str,
         said = ", ".join(f"{v:g}" for v in np.unique(np.round(declination[np.isfinite(declination)] / DEG, 2))[:5])
         notes.append(
             f"heading is true: the file's Heading plus its Declination of {said} deg; the file does not say whether "
-            "Heading "
-            "includes it, but the track between fixes says that it does not"
+            "Heading includes it; the track between fixes of one long mission said that it does not"
         )
     else:
-        notes.append("the files hold no Declination: heading is written as it stands, probably magnetic")
+        heading_name = "heading_mag"
+        notes.append("the files hold no Declination: Heading is taken as magnetic and written as heading_mag")
     source = str(path)
-    attitude = {n: rows[n][good] for n in ("time", "roll", "pitch")} | {"heading": wrapped(heading[good])}
+    attitude = {n: rows[n][good] for n in ("time", "roll", "pitch")} | {heading_name: wrapped(heading[good])}
     tables = {
         "attitude": Table("attitude", attitude, source=source, notes=notes),
         "depth": Table("depth", {n: rows[n][good] for n in ("time", "depth")}, source=source, notes=notes),

@@ -11,7 +11,7 @@ attack, a few degrees, so it stands for the axial speed to a part in a thousand.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,6 @@ class Dive:
     gps: dict[str, NDArray]
     variation: float
     speed: dict[str, NDArray] | None = None
-    notes: list[str] = field(default_factory=list)
 
 
 def recognise(path: Path) -> bool:
@@ -68,22 +67,16 @@ def convert(path: Path) -> dict[str, Table]:
         raise InputError(f"{path}: no Seaglider dive in it (p*.nc files, or diveN_eng.csv with diveN_gps.csv)")
     dives.sort(key=lambda d: d.eng["time"][0])
     numbers = [d.number for d in dives]
-    for dive in dives:
-        notes += dive.notes
     span = f"{iso_from_unix(dives[0].eng['time'][0], 0)} to {iso_from_unix(dives[-1].eng['time'][-1], 0)}"
     notes.append(
         f"{len(dives)} dive{'s' * (len(dives) > 1)} ({_ranges(numbers)}) in one mission, {span}; time is Unix time"
     )
     source = str(path)
 
+    name = _variations(dives, notes)
     eng = joined([d.eng | {"turn": np.full(len(d.eng["time"]), d.variation)} for d in dives], "attitude", notes)
     attitude = {n: eng[n] for n in ("time", "roll", "pitch")}
-    attitude["heading"] = wrapped(eng["heading_mag"] + eng["turn"])
-    variations = sorted({round(d.variation / DEG, 3) for d in dives})
-    notes.append(
-        f"heading is true: the compass heading plus the file's magnetic variation of "
-        f"{', '.join(f'{v:g}' for v in variations)} deg (east positive)"
-    )
+    attitude[name] = wrapped(eng["heading_mag"] + eng["turn"])
     tables = {
         "attitude": Table("attitude", whole_rows(attitude, "attitude", notes), source=source),
         "depth": Table("depth", whole_rows({n: eng[n] for n in ("time", "depth")}, "depth", notes), source=source),
@@ -103,6 +96,24 @@ def convert(path: Path) -> dict[str, Table]:
     for table in tables.values():
         table.notes = notes
     return tables
+
+
+def _variations(dives: list[Dive], notes: list[str]) -> str:
+    """Fills in the variation of dives that have none; returns which heading the compass then gives."""
+    known = [d.variation for d in dives if np.isfinite(d.variation)]
+    for dive in dives:
+        if not np.isfinite(dive.variation):
+            dive.variation = float(np.median(known)) if known else 0.0
+    if not known:
+        notes.append("no magnetic variation in the files: heading is magnetic and written as heading_mag")
+        return "heading_mag"
+    said = ", ".join(f"{v:g}" for v in sorted({round(v / DEG, 3) for v in known}))
+    missing = len(dives) - len(known)
+    notes.append(
+        f"heading is true: the compass heading plus the file's magnetic variation of {said} deg (east positive)"
+        + (f"; {missing} of {len(dives)} dives do not say theirs and take that of the others" if missing else "")
+    )
+    return "heading"
 
 
 def _dives(path: Path, notes: list[str]) -> list[Dive]:
@@ -138,16 +149,11 @@ def _read_set(number: int, files: dict[str, Path]) -> Dive:
     gps = numbered(read_sheet(files["gps"]))
     need(gps, "t_unix lat_deg lon_deg", files["gps"])
     count = len(gps["t_unix"])
-    variation, notes = 0.0, []
+    variation = np.nan
     if "meta" in files:
         meta = numbered(read_sheet(files["meta"]))
         need(meta, "magnetic_variation_deg", files["meta"])
         variation = float(meta["magnetic_variation_deg"][0])
-    if "meta" not in files or not np.isfinite(variation):
-        variation = 0.0
-        notes.append(
-            f"dive {number}: no magnetic variation in its files; 0 deg was taken, so heading is magnetic there"
-        )
     dive = Dive(
         number,
         {
@@ -165,7 +171,6 @@ def _read_set(number: int, files: dict[str, Path]) -> Dive:
             "hpe": gps.get("hpe_m", np.full(count, np.nan)),
         },
         variation * DEG,
-        notes=notes,
     )
     if "flightmodel" in files:
         model = numbered(read_sheet(files["flightmodel"]))
@@ -187,7 +192,6 @@ def _read_nc(path: Path) -> Dive:
     time = get("time")
     depth = get("depth") if "depth" in variables else get("eng_depth", scale=0.01)
     count = len(get("log_gps_time"))
-    notes: list[str] = []
     variation = np.nan
     for name in ("magnetic_variation", "log_gps_magvar"):
         if name in variables and not np.isfinite(variation):
@@ -195,11 +199,6 @@ def _read_nc(path: Path) -> Dive:
             variation = float(values[np.isfinite(values)][-1]) if np.isfinite(values).any() else np.nan
     number = int(get("log_dive", "log_DIVE")[0]) if {"log_dive", "log_DIVE"} & variables.keys() else 0
     number = number or int(attributes.get("dive_number", 0)) or int(re.sub(r"\D", "", path.name)[-4:] or 0)
-    if not np.isfinite(variation):
-        variation = 0.0
-        notes.append(
-            f"dive {number}: no magnetic variation in {path.name}; 0 deg was taken, so heading is magnetic there"
-        )
     gps = {
         "time": get("log_gps_time"),
         "lat": get("log_gps_lat", scale=DEG),
@@ -222,7 +221,6 @@ def _read_nc(path: Path) -> Dive:
         },
         gps,
         variation * DEG,
-        notes=notes,
     )
     if len({len(v) for v in dive.eng.values()}) > 1:
         raise InputError(

@@ -43,7 +43,7 @@ def _figure(result: Any, kind: str, pool: Pool) -> Figure | None:
                     "x": x,
                     "y": pool.add(edge / factor, exact=True),
                     "line": {"color": shade(color, 0.35), "width": 0.8},
-                    "showlegend": edge is dev.low,
+                    "showlegend": False,
                     "hoverinfo": "skip",
                     "legendgroup": f"{sensor} 68",
                 }
@@ -94,8 +94,8 @@ def _figure(result: Any, kind: str, pool: Pool) -> Figure | None:
         f"fig-{kind}",
         f"{'Gyros' if kind == 'gyro' else 'Accelerometers'}: {word} deviation",
         traces,
-        {"title": "averaging time, s", "type": "log"},
-        {"title": unit, "type": "log", "range": span},
+        {"title": "averaging time, s", "type": "log", "dtick": 1},
+        {"title": unit, "type": "log", "range": span, "dtick": 1},
         height=460,
         caption="Thin lines: 68 %. Dashed: the fit to the overlapping Allan deviation. Dotted: random walks.",
     )

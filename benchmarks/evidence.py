@@ -143,13 +143,13 @@ def markdown(claims: list[Claim], runs: int, seed: int, machine: str) -> str:
         "# Evidence",
         "",
         f"Written by `make evidence`: {runs} runs for each simulated row, seed {seed}, both fixed beforehand;",
-        f"{machine}. Errors are horizontal. NEES and NIS are per degree of freedom, ideal 1, wanted inside the 99 %",
-        f"chi-square bounds of a mean over {runs} runs (one innovation a run); beside them the bounds as if all innovations",
-        "were independent, which those of coloured errors are not.",
+        f"{machine}. Errors are horizontal. NEES and NIS are per degree of freedom, ideal 1, wanted inside the",
+        f"99 % chi-square bounds of a mean over {runs} runs (one innovation a run); beside them the bounds as if all",
+        "innovations were independent, which those of coloured errors are not.",
         "",
-        "Simulated: the paper's first test (`schuler.truth.missions`), a constant current N(0, 0.25 m/s) a component and a",
-        "log scale N(0, 1 %) drawn in each run. The filter (`schuler.judging.auv_evidence`) has its default settings but",
-        "for the current: sigma 0.25 m/s, walk 0.04 m/s/sqrt(h).",
+        "Simulated: the paper's first test (`schuler.truth.missions`), a constant current N(0, 0.25 m/s) a component",
+        "and a log scale N(0, 1 %) drawn in each run. The filter (`schuler.judging.auv_evidence`) has its default",
+        "settings but for the current: sigma 0.25 m/s, walk 0.04 m/s/sqrt(h).",
     ]
     part = ""
     for c in claims:

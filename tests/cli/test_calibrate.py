@@ -178,6 +178,7 @@ def test_a_recording_that_moved_and_one_with_gaps_are_told(tmp_path):
     assert "bridged" in done.out
 
 
+@pytest.mark.slow
 def test_a_study_applies_its_calibration(tmp_path):
     parameters = [
         {

@@ -97,6 +97,7 @@ def test_columns_are_the_integrals_of_their_spectra():
     assert allan_fit.gauss_markov_column([1e-4], 1.0)[0] == pytest.approx(2e-4 / 3, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_white_noise_and_rate_walk_come_back():
     N, K = 0.02, 6e-4
     pulls = []

@@ -30,6 +30,7 @@ def bench(tmp_path_factory):
     return out
 
 
+@pytest.mark.slow
 def test_the_tutorial_shows_what_is_printed(bench):
     from schuler.studies.calibration import calibrate, lines
     from schuler.studies.calibration_design import design_lines, design_plan

@@ -101,7 +101,7 @@ def test_a_minute_of_broad_vibration_is_compensated_to_a_percent():
     assert np.linalg.norm(in_fixed_axes(C, compensate(A, w, DT, TRIAD, variant="rate-only"))) > 0.05 * raw
 
 
-@pytest.mark.parametrize("bandwidth", [None, 300.0, 100.0])
+@pytest.mark.parametrize("bandwidth", [300.0, *(pytest.param(x, marks=pytest.mark.slow) for x in (None, 100.0))])
 def test_residual_of_gyro_noise_is_the_predicted_one(bandwidth):
     from scipy.signal import lfilter
 

@@ -120,7 +120,7 @@ def bounds(dof):
 
 
 def test_scatter_is_the_reported_covariance():
-    nees, std, rho = scatter(40)
+    nees, std, rho = scatter(25)
     low, high = bounds(nees.size * 3)
     assert low < nees.mean() / 3 < high * 1.05  # 120 degrees of freedom of the noise estimate: a few per cent
 

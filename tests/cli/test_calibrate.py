@@ -226,3 +226,21 @@ vertical = "held"
     (tmp_path / "calibration.json").write_text("{}")
     done = schuler("run", tmp_path / "with.toml", "--out", tmp_path / "x")
     assert done.status == 1 and "not a calibration" in done.err
+
+
+@pytest.mark.slow
+@pytest.mark.data
+def test_gyros_with_swapped_axes_are_refused(data_folder, tmp_path):
+    import gzip
+
+    with gzip.open(data_folder / "calib_mpu9150_rotations" / "imu1.log.gz") as file:
+        rows = np.loadtxt(file)
+    columns = {"time": np.arange(1, len(rows) + 1) / 100.0}
+    columns |= {f"accel_{a}": rows[:, i] for i, a in enumerate("xyz")}
+    columns |= {"gyro_x": rows[:, 4], "gyro_y": -rows[:, 3], "gyro_z": rows[:, 5]}
+    write_table(tmp_path / "imu.csv", Table("imu", columns, "rates"))
+    (tmp_path / "plan.toml").write_text('[plan]\nname = "a"\nkind = "multiposition"\n[input]\nimu = "imu.csv"\n')
+    done = schuler("calibrate", tmp_path / "plan.toml", "--out", tmp_path / "out")
+    assert done.status == 1
+    assert "axes swapped or flipped; with the gyros taken as (-y, x, z)" in done.err
+    assert not (tmp_path / "out").exists()

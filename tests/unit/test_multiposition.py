@@ -60,6 +60,13 @@ def test_rests_are_found():
     assert all(abs(r.length - 4.0) < 0.5 for r in rests)
 
 
+def test_rests_upside_down_to_each_other_are_two():
+    rng = np.random.default_rng(0)
+    f = np.repeat([[0.0, 0.0, G], [0.0, 0.0, -G], [0.0, G, 0.0]], 400, axis=0) + 0.02 * rng.standard_normal((1200, 3))
+    w = 0.002 * rng.standard_normal(f.shape)
+    assert len(find_rests(np.arange(1200) / RATE, f, w)) == 3
+
+
 def test_known_errors_come_back_without_noise():
     time, f, w, _ = recording(noise=0.0)
     rests = find_rests(time, f, w)

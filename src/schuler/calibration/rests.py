@@ -51,7 +51,6 @@ def find_rests(time: Array, force: Array, gyro: Array, temperature: Array | None
     window = max(int(round(WINDOW / dt)), 5)
     if n < 2 * window:
         return []
-    still = np.zeros(n, dtype=bool)
     quiet = np.ones(n - window + 1, dtype=bool)
     for values, least in ((gyro, TREMOR), (force, 1e-3)):
         scatter = moving_scatter(values, window)
@@ -63,16 +62,16 @@ def find_rests(time: Array, force: Array, gyro: Array, temperature: Array | None
         usual = np.median(mean[quiet], axis=0)
         spread = 1.4826 * np.median(np.abs(mean[quiet] - usual), axis=0)
         quiet &= np.all(np.abs(mean - usual) < np.maximum(10.0 * spread, 0.01), axis=1)
-    for i in np.flatnonzero(quiet):
-        still[i : i + window] = True
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
-    parts = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    # A run of quiet windows is one rest: where two recordings were joined, none lies across the joint.
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], quiet, [False]]).astype(int)))
+    parts: list[tuple[int, int]] = []
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        parts.append((max(int(a), parts[-1][1] if parts else 0), int(b) - 1 + window))
     merged: list[tuple[int, int]] = []
     for a, b in parts:
         if merged and (a - merged[-1][1]) * dt < 1.5:
             f0, f1 = force[slice(*merged[-1])].mean(axis=0), force[a:b].mean(axis=0)
-            sine = np.linalg.norm(np.cross(f0, f1)) / (np.linalg.norm(f0) * np.linalg.norm(f1))
-            if sine < SAME:
+            if np.arctan2(np.linalg.norm(np.cross(f0, f1)), f0 @ f1) < SAME:
                 if b - a > merged[-1][1] - merged[-1][0]:
                     merged[-1] = (a, b)
                 continue

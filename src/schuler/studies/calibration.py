@@ -391,15 +391,13 @@ def run_multiposition(imu: Table, positions: Table | None, plan: Plan) -> tuple[
         )
     accel = mp.fit_accelerometers(found, plan.gravity, form=p.form, temperature=p.temperature, up=up)
     bias, bias_std = gyros.gyro_bias(found)
-    turns = gyros.turns_between(found)
+    turns = _explained(time, gyro, force, found, gyros.turns_between(found), accel, notes) if p.gyros else []
     fitted: mp.SensorFit | None = None
     told: list[tuple[gyros.Turn, Array]] = []
     if p.gyros and len(turns) + len(known) >= 3:
         fitted, told = gyros.fit_gyros(
             time, gyro, force, found, turns, accel, known=known, g_sensitivity=p.g_sensitivity
         )
-        if np.max(np.abs(fitted.values[:9])) > 0.4:  # no instrument is that bad
-            raise InputError(_flipped(time, gyro, force, found, turns, accel))
     elif p.gyros:
         notes.append("too few turns between rests: the gyros' scale and misalignment were not fitted")
     reference = float(np.mean([r.temperature for r in found])) if p.temperature else None
@@ -441,29 +439,40 @@ def _saturated(rests: list[Any], time: Array, force: Array, gyro: Array) -> None
                     )
 
 
-def _flipped(time: Array, gyro: Array, force: Array, rests: list[Any], turns: list[Any], accel: Any) -> str:
-    """Which signed order of gyro axes explains the turns: axes swapped or flipped between gyros and accelerometers."""
+def _explained(
+    time: Array, gyro: Array, force: Array, rests: list[Any], turns: list[Any], accel: Any, notes: list[str]
+) -> list[Any]:
+    """The turns that the gyros, as they are, explain to 15 deg. InputError where another order of axes explains all."""
     import itertools
 
     from schuler.calibration import gyros
-    from schuler.calibration import multiposition as mp
+    from schuler.calibration.multiposition import rms
 
-    best, word = np.inf, ""
+    if not turns:
+        return turns
+    limit = 15.0 * DEG
+    good = gyros.transfer_angles(time, gyro, force, rests, turns, accel) < limit
+    if good.all():
+        return turns
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
             turned = np.ascontiguousarray(gyro[:, list(order)] * np.array(signs))
             moved = [gyros.rest_like(r, r.rate[list(order)] * np.array(signs)) for r in rests]
-            size = mp.rms(gyros.transfer_angles(time, turned, force, moved, turns, accel))
-            if size < best:
-                best, word = (
-                    size,
-                    "(" + ", ".join(("-" if s < 0 else "") + AXES[o] for o, s in zip(order, signs, strict=True)) + ")",
+            angles = gyros.transfer_angles(time, turned, force, moved, turns, accel)
+            if np.all(angles < limit):
+                word = ", ".join(("-" if s < 0 else "") + AXES[o] for o, s in zip(order, signs, strict=True))
+                raise InputError(
+                    "the gyros do not turn gravity as the accelerometers saw it: axes swapped or flipped; with "
+                    "the gyros "
+                    f"taken as ({word}) the difference falls to {rms(angles) / DEG:.2g} deg: reorder the columns and "
+                    "calibrate again"
                 )
-    return (
-        f"the gyros do not turn gravity as the accelerometers saw it: axes swapped or flipped; with the gyros "
-        f"taken as {word} "
-        f"the difference falls to {best / DEG:.2g} deg: reorder the columns and calibrate again"
+    notes.append(
+        f"{int((~good).sum())} of {len(turns)} turns between rests are not what the gyros measured (not "
+        f"recorded, or a gyro "
+        "at its range); they are left out"
     )
+    return [t for t, ok in zip(turns, good, strict=True) if ok]
 
 
 # ---- the terminal ----

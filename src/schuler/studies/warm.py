@@ -136,7 +136,9 @@ def warm_calibration() -> None:
     plan = positions_table(THESIS_PLAN, still_s=5.0, spin_s=20.0)
     calibrate(Turntable(np.zeros((3, 3))).record(plan, 10.0), plan)
     n = 60
-    time, force, gyro = np.arange(n) * 0.1, rng.standard_normal((n, 3)), 1e-3 * rng.standard_normal((n, 3))
+    time = np.asarray(0.1 * np.arange(n), dtype=np.float64)
+    force = rng.standard_normal((n, 3))
+    gyro = np.zeros((n, 3))
     corners = ([1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1])
     rests = [
         Rest(10 * k, 10 * k + 8, float(k), k + 0.8, 9.8 * np.array(c, dtype=float), np.zeros(3), np.full(3, 0.01))

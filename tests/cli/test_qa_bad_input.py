@@ -169,3 +169,56 @@ def test_no_end_is_worse_than_the_worst(program, trial):
     told = json.loads((trial / "trial-result" / "summary.json").read_text())
     for entry in [*told["outages"], *told["dives"]]:
         assert entry["horizontal_end_m"] <= entry["horizontal_max_m"]
+
+
+# ---- places counted in metres ----
+
+
+def in_metres(file):
+    """lat, lon of a table as north, east in metres from 36.73 N 52.65 E (radii of auv.md)."""
+    lines = [line.split(",") for line in file.read_text().splitlines()]
+    k, m = lines[0].index("lat[deg]"), lines[0].index("lon[deg]")
+    lines[0][k], lines[0][m] = "north[m]", "east[m]"
+    for cells in lines[1:]:
+        cells[k] = repr((float(cells[k]) - 36.73) * 110972.589)
+        cells[m] = repr((float(cells[m]) - 52.65) * 89325.410)
+    file.write_text("\n".join(",".join(c) for c in lines) + "\n")
+
+
+def test_north_and_east_need_to_be_counted_from_somewhere(program, trial):
+    for name in ("gnss", "truth"):
+        in_metres(trial / f"{name}.csv")
+    done = shown(program, trial, 1, "gnss.csv holds north and east", "truth.csv holds north and east", "lat_deg")
+    assert len(done.err.strip().splitlines()) == 2
+
+
+def test_north_and_east_counted_from_the_start(program, trial):
+    shown(program, trial, 0)
+    told = json.loads((trial / "trial-result" / "summary.json").read_text())["errors"]["filter"]["horizontal_m"]
+    for name in ("gnss", "truth"):
+        in_metres(trial / f"{name}.csv")
+    with open(trial / "study.toml", "a") as file:
+        file.write("[start]\nlat_deg = 36.73\nlon_deg = 52.65\n")
+    shown(program, trial, 0, r"counted from \[start\] lat_deg, lon_deg")
+    again = json.loads((trial / "trial-result" / "summary.json").read_text())["errors"]["filter"]["horizontal_m"]
+    assert again["end"] == pytest.approx(told["end"], abs=0.05)
+
+
+def test_a_policy_that_is_not_read_is_told(program, trial):
+    with open(trial / "study.toml", "a") as file:
+        file.write('[filter]\nmethod = "paper-literal"\noutage_policy = "drop"\n')
+    shown(program, trial, 0, 'outage_policy "drop".*left out')
+
+
+def test_the_filter_expects_the_sea_that_the_mission_has():
+    from math import isclose
+
+    from schuler.studies.auv_mapping import auv_settings
+    from schuler.studies.model import parse_study
+
+    raw = {"study": {"name": "x", "kind": "auv"}, "mission": {"preset": "demo"}}
+    usual = auv_settings(parse_study(raw)).wave_std
+    assert isclose(auv_settings(parse_study(raw | {"mission": {"wave_mps": 0.1}})).wave_std, usual)
+    assert isclose(auv_settings(parse_study(raw | {"mission": {"wave_mps": 0.5}})).wave_std, 5 * usual)
+    typed = raw | {"mission": {"wave_mps": 0.5}, "noise": {"wave_mps": 0.06}}
+    assert isclose(auv_settings(parse_study(typed)).wave_std, 0.06)

@@ -107,7 +107,7 @@ def auv_settings(study: Study, *, declination: float | None = None) -> AuvSettin
         heading_offset_std=None if n.heading_offset_deg is None else radians(n.heading_offset_deg),
         current_std=n.current_mps,
         current_walk=n.current_walk_mps_per_sqrt_h * PER_SQRT_H,
-        wave_std=n.wave_mps,
+        wave_std=_waves(study),
         wave_period=n.wave_period_s,
         drift_std=n.drift_mps,
         drift_tau=n.drift_tau_s,
@@ -128,6 +128,14 @@ def auv_settings(study: Study, *, declination: float | None = None) -> AuvSettin
         zero: dict[str, Any] = {prior: 0.0 for name in off for prior in _PRIORS[name]}
         settings = replace(settings, **zero)
     return settings
+
+
+def _waves(study: Study) -> float:
+    """Orbital velocity that the filter expects, rms of one axis: as typed, or for the sea that [mission] types."""
+    sea = given(study.mission).get("wave_mps")
+    if sea is None or "wave_mps" in study.noise.model_fields_set:
+        return study.noise.wave_mps
+    return max(0.6 * sea, 0.02)
 
 
 def _imu_figures(imu: ImuModel) -> dict[str, Any]:

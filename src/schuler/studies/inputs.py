@@ -68,12 +68,45 @@ def read_tables(study: Study, progress: Progress = silent) -> Inputs:
             from schuler.studies.corrected import corrected
 
             table = corrected(study, table)
-        tables[name] = table
         notes += table.notes
+        try:
+            table = on_earth(study, table)
+        except InputError as error:
+            faults.append(f"[input] {name}: {error}")
+            continue
+        if table.notes and table.notes[-1] not in notes:
+            notes.append(table.notes[-1])
+        tables[name] = table
     if faults:
         raise InputError("\n".join(faults))
     reference = tables.pop("reference", None)
     return Inputs(tables, reference, notes=notes)
+
+
+def on_earth(study: Study, table: Table) -> Table:
+    """A table with lat and lon in place of north and east, counted from [start]; kind "planar" takes them as they are."""
+    if study.study.kind == "planar" or "lat" in table or "north" not in table or "east" not in table:
+        return table
+    lat, lon = study.start.lat_deg, study.start.lon_deg
+    file = _file(study, table.name)
+    if lat is None or lon is None:
+        raise InputError(
+            f"{file} holds north and east, and nothing says where they are counted from; type lat_deg and lon_deg of "
+            "that point under [start], or give lat[deg] and lon[deg]"
+        )
+    from schuler.ground.earth import LocalFrame
+
+    frame = LocalFrame(float(np.radians(lat)), float(np.radians(lon)))
+    height = table["height"] if "height" in table else np.zeros(len(table))
+    known = np.where(np.isfinite(height), height, 0.0)
+    down = -known
+    for _ in range(3):  # north and east lie in the plane of [start]; the height is the ellipsoid's
+        place = frame.geodetic(table["north"], table["east"], down)
+        down = down + place[2] - known
+    columns = {k: v for k, v in table.columns.items() if k not in ("north", "east")}
+    columns |= {"lat": place[0], "lon": place[1]}
+    note = f"{file}: north and east are counted from [start] lat_deg, lon_deg"
+    return Table(table.name, columns, table.kind, table.source, [*table.notes, note])
 
 
 def span(table: Table) -> tuple[float, float]:

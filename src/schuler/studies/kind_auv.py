@@ -119,6 +119,12 @@ def unread(study: Study) -> list[str]:
         notes.append(f'[input] {", ".join(others)}: not used by kind "auv"; left out')
     if study.filter.constraints:
         notes.append(f'[filter] constraints {", ".join(study.filter.constraints)}: not used by kind "auv"; left out')
+    if study.filter.method == "paper-literal" and "outage_policy" in study.filter.model_fields_set:
+        if study.filter.outage_policy != "paper":
+            notes.append(
+                f'[filter] outage_policy "{study.filter.outage_policy}": method "paper-literal" has the printed one '
+                'only; left out (method "paper" reads it)'
+            )
     velocity = [k for k in study.start.model_fields_set if k.startswith(("v_", "std_v_"))]
     if velocity:
         notes.append(f'[start] {", ".join(sorted(velocity))}: kind "auv" finds the velocity itself; left out')

@@ -160,7 +160,7 @@ def calibrate_outputs(
         else:
             said.append("the gyros show nothing: whether the table held its rate was not checked")
         checks.gravity(middle, outputs, stills, e, settings.gravity)
-        said += checks.spins(spins)
+        said += checks.spins(spins, earth_known=settings.latitude is not None)
     fits = [_spin(middle, outputs, s) for s in spins]
     block = float(np.median([2.0 * np.pi / abs(s.rate) for s in spins]))
     stops, stop_blocks = _stops(middle, outputs, stills, block)

@@ -172,7 +172,7 @@ def gravity(time: Array, outputs: Array, stills: Sequence[Stretch], e: Array, g:
             )
 
 
-def spins(rows: Sequence[Stretch]) -> list[str]:
+def spins(rows: Sequence[Stretch], *, earth_known: bool = False) -> list[str]:
     """Notes on unequal spins: what both directions would have cancelled."""
     by: dict[str, list[Stretch]] = {}
     for s in rows:
@@ -186,7 +186,7 @@ def spins(rows: Sequence[Stretch]) -> list[str]:
         elif abs(left - right) > 0.1 * max(left, right) or len(sizes) > 1:
             unequal.append(name)
     notes = []
-    if one:
+    if one and not earth_known:
         w = min(abs(s.rate) for s in rows)
         notes.append(
             f"position {', '.join(one)} spins one way only: the Earth's rate stays in, up to "

@@ -84,7 +84,7 @@ def read_tables(study: Study, progress: Progress = silent) -> Inputs:
 
 
 def on_earth(study: Study, table: Table) -> Table:
-    """A table with lat and lon in place of north and east, counted from [start]; kind "planar" takes them as they are."""
+    """lat and lon in place of north and east, counted from [start]; kind "planar" takes them as they are."""
     if study.study.kind == "planar" or "lat" in table or "north" not in table or "east" not in table:
         return table
     lat, lon = study.start.lat_deg, study.start.lon_deg

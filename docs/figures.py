@@ -104,9 +104,50 @@ def _command(command: str, folder: Path, data: Path | None, played: Played, abse
 # ---- the table of figures -------------------------------------------------------------------------------------------
 
 
-def figures_table(evidence: Any) -> str:
-    """Rows of the README: what, what is promised, what was measured."""
-    raise NotImplementedError
+def figures_table(evidence: dict[str, Any]) -> str:
+    """The README's table of what benchmarks/evidence.py measured; the NIS of a part in one row."""
+    lines = ["| | measured | wanted | holds |", "|---|---|---|---|"]
+    part = ""
+    nis: list[dict[str, Any]] = []
+    for claim in [*evidence["claims"], None]:
+        if nis and (claim is None or claim["part"] != part or not _is_nis(claim)):
+            lines.append(_nis_row(nis))
+            nis = []
+        if claim is None:
+            break
+        if claim["part"] != part:
+            part = claim["part"]
+            lines.append(f"| **{part}** | | | |")
+        if _is_nis(claim):
+            nis.append(claim)
+            continue
+        spread = re.match(r"\+- (\S+) \(standard error\)|standard error (\S+);", claim["note"])
+        plus = f" +- {spread[1] or spread[2]}" if spread else ""
+        value = f"{_number(claim['value'])}{plus} {claim['unit']}".strip()
+        lines.append(f"| {claim['what']} | {value} | {claim['wanted']} | {_holds(claim['holds'])} |")
+    made = f"{evidence['runs']} runs for each simulated row, seed {evidence['seed']}; {evidence['machine']}."
+    return "\n".join([*lines, "", made]) + "\n"
+
+
+def _is_nis(claim: dict[str, Any]) -> bool:
+    return bool(claim["what"].startswith("NIS of "))
+
+
+def _nis_row(claims: list[dict[str, Any]]) -> str:
+    named = [(c["what"].removeprefix("NIS of ").split(",")[0], c) for c in claims]
+    values = ", ".join(f"{name} {c['value']:.2f}" for name, c in named)
+    holds = all(claim["holds"] is not False for claim in claims)
+    return f"| mean NIS of each kind | {values} | inside 99 % bounds | {_holds(holds)} |"
+
+
+def _holds(holds: bool | None) -> str:
+    return "" if holds is None else "yes" if holds else "**no**"
+
+
+def _number(value: float) -> str:
+    if abs(value) >= 1000.0:
+        return f"{value:,.0f}".replace(",", " ")
+    return f"{value:.3g}" if abs(value) < 10.0 else f"{value:.1f}".removesuffix(".0")
 
 
 def filled(text: str, played: Played | None, evidence: Any) -> str:

@@ -17,7 +17,8 @@ import schuler
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted([*ROOT.glob("*.md"), *DOCS.glob("*.md")])
-PLAYED_ELSEWHERE = {"tutorial-platform.md", "tutorial-strapdown.md", "platform.md", "strapdown.md"}
+PLAYED_ELSEWHERE = {f"{name}.md" for p in ("platform", "strapdown") for name in (p, f"tutorial-{p}")}
+PLAYED_ELSEWHERE |= {"calibration.md", "tutorial-turntable.md"}
 FENCE = re.compile(r"^ *```.*?^ *```$", re.M | re.S)
 
 
@@ -209,6 +210,23 @@ def test_the_figures_of_the_readme_are_those_that_were_measured():
     evidence = json.loads(text_of(figures.EVIDENCE))
     assert figures.filled(text, None, evidence) == text, "renew it: python docs/figures.py"
     assert len(figures.figures_table(evidence).splitlines()) > 5
+
+
+def test_the_table_of_figures_shows_what_was_missed():
+    def claim(what, value, holds, note=""):
+        return {"part": "dive", "what": what, "value": value, "unit": "m", "wanted": "w", "holds": holds, "note": note}
+
+    claims = [
+        claim("mean error", 46.25, False, "+- 2.1 (standard error); rms 50"),
+        claim("NIS of speed, per degree of freedom", 0.99, True),
+        claim("NIS of depth, per degree of freedom", 2.0, False),
+        claim("epochs", 412345.0, None),
+    ]
+    table = figures.figures_table({"claims": claims, "runs": 100, "seed": 5, "machine": "here"}).splitlines()
+    assert "| mean error | 46.2 +- 2.1 m | w | **no** |" in table
+    assert "| mean NIS of each kind | speed 0.99, depth 2.00 | inside 99 % bounds | **no** |" in table
+    assert "| epochs | 412 345 m | w |  |" in table
+    assert table[-1] == "100 runs for each simulated row, seed 5; here."
 
 
 def test_pictures():

@@ -222,3 +222,39 @@ def test_the_filter_expects_the_sea_that_the_mission_has():
     assert isclose(auv_settings(parse_study(raw | {"mission": {"wave_mps": 0.5}})).wave_std, 5 * usual)
     typed = raw | {"mission": {"wave_mps": 0.5}, "noise": {"wave_mps": 0.06}}
     assert isclose(auv_settings(parse_study(typed)).wave_std, 0.06)
+
+
+# ---- what the study says about its files ----
+
+
+def set_input(trial, lines):
+    text = (trial / "study.toml").read_text().replace('imu = "imu.csv"', f'imu = "imu.csv"\n{lines}')
+    (trial / "study.toml").write_text(text)
+
+
+def test_units_typed_in_the_study_are_used(program, trial):
+    heading, rest = (trial / "imu.csv").read_text().split("\n", 1)
+    (trial / "imu.csv").write_text(heading.replace("rad/s", "deg/s") + "\n" + rest)
+    set_input(trial, 'gyro_unit = "rad/s"')
+    shown(program, trial, 0)
+
+
+def test_units_typed_in_the_study_that_are_none(program, trial):
+    set_input(trial, 'gyro_unit = "furlong"\naccel_unit = "rad"')
+    done = shown(program, trial, 2, r"gyro_unit.*furlong.*not known", r"accel_unit rad is a unit of angle")
+    assert len(done.err.strip().splitlines()) == 2
+
+
+def test_a_longitude_that_is_none(program, trial):
+    change(trial / "gnss.csv", "lon", lambda i, v: v + 360.0)
+    shown(program, trial, 1, r"gnss\.csv: lon reaches 412")
+
+
+def test_a_reference_on_another_continent_is_asked_about(program, trial):
+    change(trial / "truth.csv", "lat", lambda i, v: v / 57.29578)
+    shown(program, trial, 0, r"truth\.csv lies 39\d\d km from gnss\.csv")
+
+
+def test_depths_above_the_water_are_asked_about(program, trial):
+    change(trial / "depth.csv", "depth", lambda i, v: -v)
+    shown(program, trial, 0, r"depth\.csv: most depths are negative")

@@ -75,6 +75,8 @@ def _places(columns: dict[str, NDArray], lines: NDArray[np.int64], who: str, not
     lat, lon = columns["lat"], columns["lon"]
     with np.errstate(invalid="ignore"):
         beyond = (np.abs(lat) > np.pi / 2 * (1 + 1e-9)) | (np.abs(lon) > 2 * np.pi * (1 + 1e-9))
+    if beyond.sum() > FEW * len(good):
+        beyond[:] = False  # no stray rows: the whole column is refused later, with its unit
     if beyond.any():
         k = int(np.argmax(beyond))
         place = f"{np.rad2deg(lat[k]):.6g} N {np.rad2deg(lon[k]):.6g} E"

@@ -270,7 +270,8 @@ def cross_faults(raw: dict[str, Any], folder: Path | None) -> list[str]:
             f"delete the line preset = {typed(imu['preset'])} or the numbers"
         )
     given = _section(raw, "input")
-    files = [k for k, v in given.items() if isinstance(v, str)]
+    files = [k for k, v in given.items() if isinstance(v, str) and not k.endswith("_unit")]
+    faults += _units(given)
     recorded = [k for k in files if k != "reference"]
     kind = _section(raw, "study").get("kind")
     if "mission" in raw and recorded:
@@ -304,6 +305,24 @@ def cross_faults(raw: dict[str, Any], folder: Path | None) -> list[str]:
         value = _section(raw, "noise").get(key)
         if isinstance(value, list) and any(isinstance(v, int | float) and v <= 0 for v in value):
             faults.append(f"[noise] {key}: a sigma must be more than 0; came {typed(value)}")
+    return faults
+
+
+def _units(given: dict[str, Any]) -> list[str]:
+    """Units typed under [input] that are none, or of another quantity."""
+    from schuler.ground.errors import InputError
+    from schuler.io.headings import check_unit
+
+    faults = []
+    for key, want, sample in (("gyro_unit", "angular rate", "deg/s"), ("accel_unit", "acceleration", "g")):
+        value = given.get(key)
+        if isinstance(value, str):
+            try:
+                check_unit(value, want, f"[input] {key}")
+            except InputError as error:
+                said = str(error)
+                place = "" if said.startswith("[input]") else f"[input] {key}: "
+                faults.append(f'{place}{said}; type {key} = "{sample}"')
     return faults
 
 

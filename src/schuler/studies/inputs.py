@@ -203,6 +203,34 @@ def speed_notes(study: Study, tables: dict[str, Table]) -> list[str]:
     return [f"{_file(study, 'speed')} reads {ratio:.2f} times the speed over ground of {_file(study, 'gnss')}; {hint}"]
 
 
+FAR_M = 100e3  # a reference that lies so far from the fixes is not of this vehicle, or not in these units
+
+
+def place_notes(study: Study, inputs: Inputs) -> list[str]:
+    """Sentences on a reference that lies elsewhere than the fixes, and on a depth that is a height."""
+    notes = []
+    gnss, reference, depth = inputs.tables.get("gnss"), inputs.reference, inputs.tables.get("depth")
+    if gnss is not None and reference is not None and "lat" in gnss and "lat" in reference:
+        from schuler.ground.earth import LocalFrame
+
+        first = [float(np.nanmedian(t[c])) for t in (gnss, reference) for c in ("lat", "lon")]
+        north, east, down = LocalFrame(first[0], first[1]).ned(first[2], first[3])
+        away = float(np.sqrt(north**2 + east**2 + down**2))
+        if away > FAR_M:
+            notes.append(
+                f"{_file(study, 'reference')} lies {away / 1e3:.0f} km from {_file(study, 'gnss')}: are lat and lon "
+                "exchanged in one of them, or in another unit?"
+            )
+    if depth is not None and len(depth) and float(np.median(depth["depth"])) < 0.0:
+        deepest = float(np.min(depth["depth"]))
+        if deepest < -3.0:
+            notes.append(
+                f"{_file(study, 'depth')}: most depths are negative, down to {deepest:.3g} m; depth counts downwards, "
+                "so this would be above the water: change its sign?"
+            )
+    return notes
+
+
 def to_body(study: Study, tables: dict[str, Table]) -> None:
     """Turns the imu's columns (and its magnetometer's) by [mounting] imu_to_body_rpy_deg, in place."""
     angles = study.mounting.imu_to_body_rpy_deg

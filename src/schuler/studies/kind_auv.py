@@ -18,6 +18,7 @@ from schuler.studies.inputs import (
     Inputs,
     check_gravity,
     check_overlap,
+    place_notes,
     read_tables,
     speed_notes,
     to_body,
@@ -48,7 +49,7 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
     inputs = simulate(study, int(seed or 0), progress) if simulated else read_tables(study, progress)
     if not simulated:
         check_overlap(study, inputs, "imu" if "imu" in inputs.tables else "attitude")
-        inputs.notes += speed_notes(study, inputs.tables)
+        inputs.notes += [*speed_notes(study, inputs.tables), *place_notes(study, inputs)]
     to_body(study, inputs.tables)
     check_gravity(study, inputs.tables)
     tables, withheld, each = withhold(study, inputs)

@@ -258,3 +258,9 @@ def test_a_reference_on_another_continent_is_asked_about(program, trial):
 def test_depths_above_the_water_are_asked_about(program, trial):
     change(trial / "depth.csv", "depth", lambda i, v: -v)
     shown(program, trial, 0, r"depth\.csv: most depths are negative")
+
+
+def test_one_row_is_no_fault_of_the_clock(program, tmp_path):
+    (tmp_path / "gnss.csv").write_text("time[s],lat[deg],lon[deg]\n1.0,36.7,52.6\n")
+    done = program("check", tmp_path / "gnss.csv")
+    assert done.status == 0 and "one row" in done.out and "does not run" not in done.out

@@ -64,8 +64,7 @@ def clock(sheet: Sheet, found: dict[str, Match], report: CheckReport) -> Array |
         time = to_si(raw * factor, text)
     good = np.isfinite(time)
     if len(time) == 1:
-        report.notes.append("one row: it has no rate, and nothing to run on")
-        return None
+        return None  # one row has no rate, and nothing to run on
     if good.sum() < 2 or not (np.diff(time[good]) > 0).any():
         report.add("not_increasing", "the time column does not run", "give each row its own time, in order")
         return None

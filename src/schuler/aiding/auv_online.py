@@ -412,7 +412,8 @@ class AuvFilter:
         elif m.kind == "velocity":
             way = math.hypot(m.z[0], m.z[1])
             noise = math.hypot(m.z[3], self.settings.wave_std)
-            if w.fix is not None and m.time - w.fix[0] < 2.0 and way > max(0.4, 5.0 * noise):
+            known = math.isfinite(w.speed) or not self.sensors["log"] or self._waited(m.time)
+            if known and w.fix is not None and m.time - w.fix[0] < 2.0 and way > max(0.4, 5.0 * noise):
                 fix = Measurement("position", w.fix[0], tuple(w.fix[1:]))  # type: ignore[arg-type]
                 self._try_start(m.time, fix, math.atan2(m.z[1], m.z[0]), math.radians(60.0), way)
                 if self.started:
@@ -422,6 +423,10 @@ class AuvFilter:
         elif m.kind == "speed":
             w.speed = m.z[0]
         return True
+
+    def _waited(self, time: float) -> bool:
+        """Has the log been silent for some seconds since the first fix?"""
+        return self._wait.first is not None and time - self._wait.first[0] > 5.0
 
     def _try_start(
         self, time: float, fix: Measurement | None, course: float, course_std: float, speed: float = math.nan
@@ -495,7 +500,9 @@ class AuvFilter:
                 x[k.HGT] = st.height
         else:
             P[k.E_D, k.E_D] = std_down**2
-        x[k.U] = next((v for v in (speed, w.speed) if math.isfinite(v)), 0.0)
+        x[k.U] = x[k.STEADY] = next((v for v in (w.speed, speed) if math.isfinite(v)), 0.0)
+        if math.isfinite(w.speed):
+            P[k.E_U, k.E_U] = (4.0 * s.speed_std) ** 2 + (s.speed_scale_std * w.speed) ** 2
         x[k.T] = x[k.TC] = x[k.TNODE] = x[k.TROW] = x[k.TINFO] = x[k.TFIX] = time
         x[k.ZDT] = -math.inf
         x[k.SNIS] = x[k.WILD] = 1.0

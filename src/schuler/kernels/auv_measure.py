@@ -97,6 +97,7 @@ from .auv_state import (
     refresh_telling,
     reset_levelling,
     set_reference,
+    steadiness,
 )
 from .rotation import dcm_from_quat, wrap_pi
 
@@ -210,11 +211,13 @@ def velocity_rows(x, c, H):
         H[1, E_DE] = 1.0
         return x[DN], x[DE], 0.0
     if c[MODE] < 0.5:
-        H[0, 1], H[0, 2] = -vd * g, ve
-        H[1, 0], H[1, 2] = vd * g, -vn
+        h = steadiness(x)
+        H[0, 1], H[0, 2] = -h * vd * g, h * ve
+        H[1, 0], H[1, 2] = h * vd * g, -h * vn
         H[2, 0], H[2, 1] = -ve / g, vn / g
     else:
-        H[0, E_M], H[1, E_M] = ve, -vn
+        h = steadiness(x)
+        H[0, E_M], H[1, E_M] = h * ve, -h * vn
     H[0, E_U], H[1, E_U], H[2, E_U] = c00 * g, c10 * g, c20
     H[0, E_KP], H[1, E_KP] = vn, ve
     H[0, E_CN] = 1.0
@@ -292,8 +295,8 @@ def measure_position(x, P, X, c, lat, lon, height, sn, se, sd, out):
     if used > 0.0:
         apply(x, P, c, H, r, R, 2, np.zeros(N))
         x[REJ_P] = 0.0
-        x[TFIX] = x[T]
         set_reference(x)
+        x[TFIX] = x[T]
     else:
         x[REJ_P] += 1.0
     if height == height and used > 0.0:

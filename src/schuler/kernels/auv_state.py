@@ -42,7 +42,8 @@ WOBBLE, MVAR = 89, 90  # velocity variance seen in the last levelling block, var
 MH = 91  # integral of d(field azimuth)/d(tilt north, east) over the magnetometer block (2)
 VREF, DREF, DMAX = 93, 95, 97  # water velocity at the last fix (2), way since beside it (2), its largest square
 TELLS, WILD = 98, 99  # does depth rate tell the speed now? how much wilder than its prior a surface leg moves
-NX = 100
+STEADY, STEADY_S = 100, 101  # the speed's running mean over STEADY_TAU, and how long it has run
+NX = 102
 
 # --- error state (P) ---------------------------------------------------------------------------------------------
 E_PHI, E_BG, E_BA, E_N, E_E, E_D, E_U, E_K, E_CN, E_CE, E_M = 0, 3, 6, 9, 10, 11, 12, 13, 14, 15, 16
@@ -60,7 +61,8 @@ NC = 44
 
 OMEGA = 7.292115e-5
 A_WGS, E2 = 6378137.0, 6.69437999014131e-3
-DAMPING = 0.15  # of the wave oscillator: how pure the sea's tone is
+STEADY_TAU = 20.0  # s
+DAMPING = 0.1  # of the wave oscillator: how pure the sea's tone is
 SIN_MIN_PITCH = 0.20791169081775934  # sin 12 deg: below this, depth rate says nothing of the speed
 
 
@@ -110,6 +112,20 @@ def _move(x, c00, c10, c20, dt):
     x[LAT] += vn * dt / x[RN]
     x[LON] = wrap_pi(x[LON] + ve * dt / (x[RE] * x[CLAT]))
     x[HGT] -= vd * dt * x[TELLS]
+    x[STEADY_S] = min(x[STEADY_S] + dt, STEADY_TAU)
+    x[STEADY] += (u - x[STEADY]) * min(1.0, dt / max(x[STEADY_S], 1e-3))
+
+
+@njit(cache=True, error_model="numpy")
+def steadiness(x):
+    """The running mean of the speed over the speed itself: what the heading's Jacobian is taken with.
+
+    Heading and current are told apart only by how the velocity changes. The estimate of a steady speed trembles with
+    the log's noise, and a Jacobian that trembles with it would tell them apart by nothing.
+    """
+    if abs(x[U]) < 0.1:
+        return 1.0
+    return min(max(x[STEADY] / x[U], 0.5), 2.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -333,9 +349,12 @@ def _bend(x, P, tau, imu):
 
 @njit(cache=True, error_model="numpy")
 def set_reference(x):
-    """A fix was taken: from here on `_bend` counts."""
+    """A fix was taken: from here on `_bend` counts. After a gap the running mean of the speed starts again."""
+    if x[T] - x[TFIX] > 5.0:
+        x[STEADY] = x[U]
+        x[STEADY_S] = 0.25 * STEADY_TAU
     a0, a1, a2 = forward_axis(x)
-    v = x[U] * math.exp(x[KP])
+    v = x[U] * steadiness(x) * math.exp(x[KP])
     x[VREF], x[VREF + 1] = v * a0, v * a1
     x[DREF] = x[DREF + 1] = x[DMAX] = 0.0
 

@@ -113,18 +113,23 @@ def measurements_of(tables: Tables, settings: AuvSettings) -> list[Measurement]:
                     std = (float(w[0][i]), float(w[1][i]), float(w[2][i]))
                     found.append(Measurement.velocity(float(t), v, std=std))
     if "speed" in tables:
-        for t, v in zip(tables["speed"].time.tolist(), tables["speed"]["speed"].tolist(), strict=True):
+        log = tables["speed"]
+        std_s = sigma(log, "std_speed", settings.speed_std).tolist()
+        for t, v, sd in zip(log.time.tolist(), log["speed"].tolist(), std_s, strict=True):
             if isfinite(v):
-                found.append(Measurement.speed(t, v, std=settings.speed_std))
+                found.append(Measurement.speed(t, v, std=sd))
     if "dvl" in tables:
         d = tables["dvl"]
-        for t, x, y in zip(d.time.tolist(), d["v_x"].tolist(), d["v_y"].tolist(), strict=True):
+        std_d = sigma(d, "std_v_x", settings.dvl_std).tolist()
+        for t, x, y, sd in zip(d.time.tolist(), d["v_x"].tolist(), d["v_y"].tolist(), std_d, strict=True):
             if isfinite(x) and isfinite(y):
-                found.append(Measurement.dvl(t, (x, y, 0.0), std=settings.dvl_std))
+                found.append(Measurement.dvl(t, (x, y, 0.0), std=sd))
     if "depth" in tables:
-        for t, z in zip(tables["depth"].time.tolist(), tables["depth"]["depth"].tolist(), strict=True):
+        gauge = tables["depth"]
+        std_z = sigma(gauge, "std_depth", settings.depth_std).tolist()
+        for t, z, sd in zip(gauge.time.tolist(), gauge["depth"].tolist(), std_z, strict=True):
             if isfinite(z):
-                found.append(Measurement.depth(t, z, std=settings.depth_std))
+                found.append(Measurement.depth(t, z, std=sd))
     found.sort(key=_order)
     return found
 
@@ -145,7 +150,8 @@ def with_receiver(settings: AuvSettings, tables: Tables) -> AuvSettings:
     told = g["std_north"][np.isfinite(g["std_north"]) & (g["std_north"] > 0.0)]
     if not len(told):
         return settings
-    return replace(settings, gnss_correlated_std=min(settings.gnss_correlated_std, 0.9 * float(np.median(told))))
+    # The first sigma alone: a row of the solution must not know what comes later.
+    return replace(settings, gnss_correlated_std=min(settings.gnss_correlated_std, 0.9 * float(told[0])))
 
 
 def make_filter(tables: Tables, settings: AuvSettings, rows: Array, compass: bool) -> AuvFilter:

@@ -73,7 +73,6 @@ from .auv_state import (
     RATE,
     RE,
     REJ_P,
-    REJ_V,
     RN,
     SIG_DRIFT,
     SIG_E,
@@ -341,18 +340,14 @@ def measure_velocity(x, P, X, c, zn, ze, zd, sn, se, sd, out):
     R[0], R[1] = sn * sn, se * se
     S = innovation_covariance(P, H, R, 2)
     nis = nis_of(S, r, 2)
-    used = 1.0
-    if nis > LIMIT2 and c[GATE] > 0.5 and x[REJ_V] < 3.0:
-        used = 0.0
-    record(out, S, r, 2, nis, used)
-    if used > 0.0:
-        apply(x, P, c, H, r, R, 2, np.zeros(N))
-        x[REJ_V] = 0.0
-        set_reference(x)
-        if x[DRIFT] < 0.5:
-            x[TINFO] = x[T]
-    else:
-        x[REJ_V] += 1.0
+    record(out, S, r, 2, nis, 1.0)
+    more = _excess(nis, LIMIT2, c)
+    R[0] += more * S[0, 0]
+    R[1] += more * S[1, 1]
+    apply(x, P, c, H, r, R, 2, np.zeros(N))
+    set_reference(x)
+    if x[DRIFT] < 0.5:
+        x[TINFO] = x[T]
 
 
 @njit(cache=True, error_model="numpy")

@@ -35,10 +35,13 @@ from .auv_state import (
     ROWS,
     SIG_HEAD,
     SIG_TILT,
+    SUBMERGED,
     TC,
     TELLS,
+    TFIX,
     TNODE,
     VHREF,
+    WAVE,
     N,
     T,
     advance_compass,
@@ -125,6 +128,7 @@ def covariances(x, P, c, pos, vel, att):
                         if H[b, j] != 0.0:
                             v += H[a, i] * P[i, j] * H[b, j]
             vel[a, b] = v
+    vel[2, 2] += c[WAVE] * c[WAVE] * (2.0 if x[T] - x[TFIX] < 5.0 else SUBMERGED)
     if x[TELLS] < 0.5:
         vel[2, 2] = SIG_FREE_DOWN * SIG_FREE_DOWN
     att[:, :] = 0.0

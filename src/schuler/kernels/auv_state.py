@@ -36,7 +36,7 @@ LT, LS, LB, LV0, LSV, LSVV, LSTV = 53, 54, 57, 63, 65, 67, 69  # levelling block
 MT, MS = 71, 72  # magnetometer block: seconds, integral of the heading residual
 SNIS, TINFO, DRIFT, TROW = 73, 74, 75, 76  # speed NIS average, last speed information, on a surface leg?, last row
 ZD, ZDT, DRATE = 77, 78, 79  # last depth measured, when, its rate
-REJ_P, REJ_V, TFIX, HREF, VHREF = 80, 81, 82, 83, 84  # fixes rejected in a row, last fix, height of depth zero
+REJ_P, TFIX, HREF, VHREF = 80, 82, 83, 84  # fixes rejected in a row, last fix, height of depth zero
 ROLL, PITCH, HEAD, ROWS = 85, 86, 87, 88  # last compass row (mode 1), rows seen
 WOBBLE, MVAR = 89, 90  # velocity variance seen in the last levelling block, variance of a magnetometer block
 MH = 91  # integral of d(field azimuth)/d(tilt north, east) over the magnetometer block (2)
@@ -62,6 +62,7 @@ NC = 44
 OMEGA = 7.292115e-5
 A_WGS, E2 = 6378137.0, 6.69437999014131e-3
 STEADY_TAU = 20.0  # s
+SUBMERGED = 0.004  # share of the waves' variance left under water
 DAMPING = 0.1  # of the wave oscillator: how pure the sea's tone is
 SIN_MIN_PITCH = 0.20791169081775934  # sin 12 deg: below this, depth rate says nothing of the speed
 
@@ -148,6 +149,9 @@ def set_drift(x, P, X, c, on):
         return
     x[DRIFT] = 1.0 if on else 0.0
     var = c[SIG_DRIFT] * c[SIG_DRIFT] if on else 0.0
+    if on and not (c[HAS_DEPTH] > 0.5 and x[ZD] <= c[SURFACE_M]):
+        # Not at the surface: a vehicle that was under way may still be, in whatever direction.
+        var += x[U] * x[U]
     for i in (E_DN, E_DE):
         for j in range(N):
             P[i, j] = 0.0
@@ -433,7 +437,7 @@ def flush(x, P, X, c):
     if c[WAVE] > 0.0:
         # Stationary covariance sigma^2 diag(1, w^2); under water the sea is all but still.
         o00, o01, o10, o11 = oscillator(c[WAVE_W], tau)
-        s2 = c[WAVE] * c[WAVE] * (1.0 if x[T] - x[TFIX] < 5.0 else 0.004)
+        s2 = c[WAVE] * c[WAVE] * (1.0 if x[T] - x[TFIX] < 5.0 else SUBMERGED)
         w2 = c[WAVE_W] * c[WAVE_W]
         for i in range(2):
             a, b = E_W + 2 * i, W + 2 * i

@@ -61,14 +61,14 @@ def test_innovations_are_as_large_as_theirs(found):
 
 @pytest.mark.slow
 def test_nothing_is_learnt_of_what_cannot_be_seen():
-    """One heading, no waves, no compass: heading and cross current cannot be told apart; the current keeps its prior."""
+    """One heading, no waves, no compass: nothing tells heading and cross current apart, so the prior stays."""
     dive = EXPERIMENTS["dive"]
     mission = dive.mission.with_changes(waves=Waves.none(), dives=0, surface=100.0)
-    for run in range(4):
+    sigma = []
+    for run in range(8):
         recording = simulate(mission, dive.suite, seed=SEED, run=run)
-        state = navigate(recording.tables, dive.settings).states["current_north"]  # the heading is east
-        assert state.std[-1] > 0.23
-        assert state.std[-1] < 0.26
+        sigma.append(navigate(recording.tables, dive.settings).states["current_north"].std[-1])  # it heads east
+    assert 0.225 < np.mean(sigma) < 0.26
 
 
 def test_a_run_is_repeatable_and_runs_differ():

@@ -70,9 +70,10 @@ def moved(old: Golden, new: Golden) -> dict[tuple[float, str], tuple[float, floa
         change = b - a
         if key[1] in ("heading_deg", "lon_deg"):
             change = (change + 180.0) % 360.0 - 180.0
-        out[key] = (
-            (change / s, r / s) if s > 0.0 else (0.0 if a == b else float("inf"), 1.0 if r == s else float("inf"))
-        )
+        if s > 0.0:
+            out[key] = change / s, r / s
+        else:
+            out[key] = (0.0, 1.0) if (a, s) == (b, r) else (float("inf"), float("inf"))
     return out
 
 

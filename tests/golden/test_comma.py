@@ -28,8 +28,8 @@ def test_nothing_moved(result):
 def test_with_all_fixes_the_track_is_the_receivers(result):
     """0.42 m is the receiver against the reference."""
     errors = result.summary["errors"]
-    assert errors["filter"]["horizontal_rms_m"] < 0.6
-    assert errors["smoother"]["horizontal_rms_m"] < 0.55
+    assert errors["filter"]["horizontal_m"]["rms"] < 0.6
+    assert errors["smoother"]["horizontal_m"]["rms"] < 0.55
     assert np.isfinite(result.navigation.smoother.cov_pos).all()
 
 

@@ -102,25 +102,38 @@ def heading_floor(drift: ArrayLike, lat: float, omega: float = OMEGA) -> Array:
 @dataclass(frozen=True)
 class SensorErrors:
     """What is known of the IMU, 1 sigma per axis: constant biases (m/s^2, rad/s), white noise (m/s/sqrt(s),
-    rad/sqrt(s))
-    and wander of the gyro bias (rad/s/sqrt(s))."""
+    rad/sqrt(s)), wander of the gyro bias (rad/s/sqrt(s)); scale (ratio) and misalignment (rad) of the accelerometers,
+    g-sensitivity of the gyros (rad/s per m/s^2)."""
 
     accel_bias: Array
     gyro_bias: Array
     vrw: Array
     arw: Array
     gyro_walk: Array = field(default_factory=lambda: np.zeros(3))
+    accel_scale: Array = field(default_factory=lambda: np.zeros(3))
+    accel_misalignment: Array = field(default_factory=lambda: np.zeros(3))
+    gyro_g_sensitivity: Array = field(default_factory=lambda: np.zeros(3))
 
     @classmethod
     def of(
         cls, *, accel_bias: ArrayLike = 0.0, gyro_bias: ArrayLike = 0.0, vrw: ArrayLike = 0.0, arw: ArrayLike = 0.0,
-        gyro_walk: ArrayLike = 0.0,
+        gyro_walk: ArrayLike = 0.0, accel_scale: ArrayLike = 0.0, accel_misalignment: ArrayLike = 0.0,
+        gyro_g_sensitivity: ArrayLike = 0.0,
     ) -> SensorErrors:  # fmt: skip
         """One number or three for each."""
         return cls(
             *(np.broadcast_to(np.asarray(x, dtype=np.float64), 3).copy()
-              for x in (accel_bias, gyro_bias, vrw, arw, gyro_walk))
+              for x in (accel_bias, gyro_bias, vrw, arw, gyro_walk, accel_scale, accel_misalignment,
+                        gyro_g_sensitivity))
         )  # fmt: skip
+
+    def at_rest(self, f_b: ArrayLike) -> SensorErrors:
+        """The same under a steady specific force f_b (3,) m/s^2, in which whatever grows with it is a constant bias of
+        each axis too. What the Earth's rate makes of the gyros' own scale is far below their bias and left out."""
+        f2 = np.asarray(f_b, dtype=np.float64) ** 2
+        accel = self.accel_bias**2 + self.accel_scale**2 * f2 + self.accel_misalignment**2 * (f2.sum() - f2)
+        gyro = self.gyro_bias**2 + self.gyro_g_sensitivity**2 * f2.sum()
+        return SensorErrors(np.sqrt(accel), np.sqrt(gyro), self.vrw, self.arw, self.gyro_walk)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 
 from schuler.ground.earth import WGS84, Ellipsoid
 from schuler.ground.errors import InputError
-from schuler.ground.frames import dcm_from_quat, euler_from_dcm, quat_from_dcm, quat_from_rotvec, quat_multiply, skew
+from schuler.ground.frames import (
+    dcm_from_quat,
+    dcm_from_rotvec,
+    euler_from_dcm,
+    quat_from_dcm,
+    quat_from_rotvec,
+    quat_multiply,
+    skew,
+)
 from schuler.ground.tables import Table
 from schuler.inertial.alignment import (
     POOR,
@@ -72,6 +80,7 @@ def align(
         raise InputError(
             f"the mean specific force is {size:.3f} m/s^2 where {g:.3f} is expected: not a still stretch, or not m/s^2"
         )
+    sensor = sensor.at_rest(dv.sum(axis=0) / T)
     floor = math.pi / math.sqrt(3.0)
     if lat is not None and math.cos(lat) > 1e-3:
         floor = min(floor, float(np.max(heading_floor(sensor.gyro_bias, lat, earth.omega))))
@@ -122,15 +131,18 @@ def _filter(
     time: Array, dt: Array, dtheta: Array, dv: Array, C: Array, sensor: SensorErrors, lat: float, lon: float,
     height: float, sway: float, earth: Ellipsoid, floor: float, noise: float, start: float, to: float, notes: list[str],
 ) -> Alignment:  # fmt: skip
+    from schuler.kernels import alignment as kernel
+
     g = float(earth.gravity(lat, height))
     r_n, r_e = (float(r) + height for r in earth.radii(lat))
     w_ie = earth.earth_rate_n(lat)
     begin = Start(float(time[0] - dt[0]), lat, lon, height, np.zeros(3), quat_from_dcm(C))
-    tilt = float(np.max(sensor.accel_bias)) / g + 1e-4
+    # The coarse attitude already holds the biases' effect, so its prior must say nothing: loose by a factor of ten.
+    tilt = 10.0 * float(np.max(sensor.accel_bias)) / g + 1e-3
     # Coarse heading: bias and noise of the gyros, and the sway's share in the turn of gravity between the two halves.
     half = 0.5 * float(dt.sum())
     turned = earth.omega * math.cos(lat) * half
-    coarse = min(0.3, 2.0 * math.hypot(floor, noise) + 2.0 * sway / (g * half * turned) + 2e-3)
+    coarse = 10.0 * (math.hypot(floor, noise) + sway / (g * half * turned) + math.tan(abs(lat)) * tilt / 10.0) + 1e-2
     P = np.diag(
         np.concatenate([[tilt**2, tilt**2, coarse**2], [0.05**2] * 3, [sway**2 + 1e-4] * 3,
                         sensor.accel_bias**2, sensor.gyro_bias**2])
@@ -147,16 +159,22 @@ def _filter(
     state, q, v = begin, begin.q_nb, np.zeros(3)
     a = 0
     ins = Strapdown(begin, earth=earth, coning="two")
+    # F is taken at the coarse attitude carried by the gyros, never at the estimate: what tilt and bias do together is
+    # unobservable, and an attitude that wanders with the corrections would seem to tell them apart.
+    f = np.array([0.0, 0.0, -g])
+    carry = np.array([1.0, 0.0, 0.0, 0.0])
+    C0 = C
     for b in edges:
         n = b - a
         if n <= 0:
             continue
         block = float(dt[a:b].sum())
-        C0 = dcm_from_quat(q)
         rows = ins.feed(dtheta[a:b] - b_g * dt[a:b, None], dv[a:b] - b_a * dt[a:b, None], dt[a:b], every=int(n))
         q = rows.q_nb[-1]
-        Cm = 0.5 * (C0 + dcm_from_quat(q))
-        f = Cm @ (dv[a:b].sum(axis=0) / block - b_a)
+        kernel.turn(dtheta[a:b], carry)
+        back = dcm_from_rotvec(-w_ie * float(rows.time[-1] - begin.time))
+        C1 = back @ C @ dcm_from_quat(carry)
+        Cm, C0 = 0.5 * (C0 + C1), C1
         F = np.zeros((15, 15))
         F[0:3, 0:3] = -skew(w_ie)
         F[0, 4], F[1, 3], F[2, 4] = 1.0 / r_e, -1.0 / r_n, -math.tan(lat) / r_e
@@ -195,13 +213,14 @@ def _filter(
     cov = E @ P[0:3, 0:3] @ E.T
     std = np.array(stds)
     t = np.array(times)
-    best = max(floor, 1e-12)
+    # The east accelerometer's bias tilts about north, and the Earth's rate seen there turns that into heading.
+    best = max(math.hypot(floor, math.tan(lat) * float(np.max(sensor.accel_bias)) / g), 1e-12)
     near = std[:, 2] <= 1.1 * best
     useful = float(t[int(np.argmax(near))] - start) if near.any() else None
     if useful is None:
         # The white noise goes on averaging out as t^(-3/2) at first, t^(-1/2) later; the slower law is the safe guess.
         notes.append(
             f"heading sigma is {math.degrees(std[-1, 2]):.4f} deg and still falling towards the "
-            f"{math.degrees(best):.4f} deg that the gyro bias leaves: a longer alignment helps"
+            f"{math.degrees(best):.4f} deg that the sensors' biases leave: a longer alignment helps"
         )
     return Alignment("still", start, to, rpy, C_nb, cov, b_g, b_a, floor, useful, t, std, notes)

@@ -178,6 +178,42 @@ def covariance(
     return S @ out[:, :9, :9] @ S.transpose(0, 2, 1)
 
 
+@dataclass(frozen=True)
+class MatrixErrors:
+    """What grows with the motion, constant, 1 sigma: scale (ratio, 3 each), misalignment (rad, each element) and the
+    gyros' g-sensitivity (rad/s per m/s^2, each element)."""
+
+    accel_scale: Array
+    gyro_scale: Array
+    accel_misalignment: float = 0.0
+    gyro_misalignment: float = 0.0
+    gyro_g_sensitivity: float = 0.0
+
+
+def matrix_covariance(
+    truth: Truth | Track, errors: MatrixErrors, f_b: Array, w_b: Array, *, earth: Ellipsoid = WGS84, held: bool = False
+) -> Array:
+    """(n, 9, 9) covariance, as of `covariance`, that these errors give alone: the linear model run once for each.
+
+    f_b, w_b (n - 1, 3): mean specific force and rate between the rows, in b.
+    """
+    off = 1.0 - np.eye(3)
+    parts = (
+        (f_b, 0, np.diag(errors.accel_scale) + errors.accel_misalignment * off),
+        (w_b, 3, np.diag(errors.gyro_scale) + errors.gyro_misalignment * off),
+        (f_b, 3, np.full((3, 3), errors.gyro_g_sensitivity)),
+    )
+    total = np.zeros((len(truth), 9, 9))
+    for cause, column, sigma in parts:
+        for i, j in np.argwhere(sigma > 0.0):
+            u = np.zeros((len(truth) - 1, 6))
+            u[:, column + i] = sigma[i, j] * cause[:, j]
+            grown = propagate(truth, accel_error=u[:, :3], gyro_error=u[:, 3:], earth=earth, held=held)
+            x = np.hstack([grown.x[:, :6], grown.position])
+            total += x[:, :, None] * x[:, None, :]
+    return total
+
+
 # Closed forms
 
 

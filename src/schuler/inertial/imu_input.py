@@ -53,7 +53,7 @@ def prepare(imu: Table, start: Start | None = None, *, check_axes: bool = True) 
     w, f = (imu.stack(*(f"{n}_{a}" for a in _AXES)) for n in names)
     notes: list[str] = []
     if start is not None:
-        after = time > start.time + 1e-9 if start.time > time[0] else np.ones(time.size, dtype=bool)
+        after = time > start.time + 1e-9  # a row at the start's own time covers what lies before it
         if not after.any():
             raise InputError(f"the start at {start.time:g} s lies after the last IMU row at {time[-1]:g} s")
         time, w, f = time[after], w[after], f[after]

@@ -27,7 +27,7 @@ from schuler.studies.strapdown_start import Found, start_of
 
 if TYPE_CHECKING:
     from schuler.inertial.error_dynamics import SensorNoise
-    from schuler.inertial.strapdown import Track
+    from schuler.inertial.strapdown import Start, Track
     from schuler.studies.model import Study
     from schuler.truth.instruments import ImuModel
     from schuler.truth.trajectories import Trajectory
@@ -50,6 +50,7 @@ class Run:
     told: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     found: Found | None = None  # how a recording's start was found
+    begin: Track | None = None  # one row: the start itself, before the first row of the track
 
 
 @register("strapdown")
@@ -231,7 +232,8 @@ def simulate(study: Study, model: ImuModel, seed: int, progress: Progress, made:
         notes.append(
             "pitch comes within 5 deg of the vertical: roll and heading mean little there, the track is unhurt"
         )
-    return Run(track, made.earth, {"imu": measured.table()}, truth.table(), states, told, notes)
+    begin = _row(start, start.time)
+    return Run(track, made.earth, {"imu": measured.table()}, truth.table(), states, told, notes, begin=begin)
 
 
 def _at(track: Track, time: Array) -> Track:
@@ -239,6 +241,13 @@ def _at(track: Track, time: Array) -> Track:
     from schuler.inertial.strapdown import Track
 
     return Track(time, track.lat, track.lon, track.height, track.v_n, track.q_nb, track.notes)
+
+
+def _row(start: Start, time: float) -> Track:
+    from schuler.inertial.strapdown import Track
+
+    t, lat, lon, height = (np.array([x]) for x in (time, start.lat, start.lon, start.height))
+    return Track(t, lat, lon, height, start.v_n[None], start.q_nb[None])
 
 
 def _with_start(start: Any, truth: Any) -> Any:
@@ -325,7 +334,9 @@ def recorded(study: Study, progress: Progress) -> Run:
     imu = inputs.tables["imu"]
     rate = 1.0 / float(np.median(np.diff(imu.time)))
     track = strapdown.run(imu, found.start, vertical=study.filter.vertical, every=stride_of(study, rate))
-    return Run(track, WGS84, dict(inputs.tables), inputs.reference, {}, {"trajectory": "recording"}, found.notes, found)
+    begin = _row(found.start, max(found.start.time, float(imu.time[0]) - 1.0 / rate))
+    told = {"trajectory": "recording"}
+    return Run(track, WGS84, dict(inputs.tables), inputs.reference, {}, told, found.notes, found, begin)
 
 
 def sensor_errors(study: Study) -> Any:
@@ -335,7 +346,8 @@ def sensor_errors(study: Study) -> Any:
     m = imu_model(study)
     return SensorErrors.of(
         accel_bias=np.hypot(m.accel_bias, m.accel_instability), gyro_bias=np.hypot(m.gyro_bias, m.gyro_instability),
-        vrw=m.vrw, arw=m.arw, gyro_walk=m.gyro_rrw,
+        vrw=m.vrw, arw=m.arw, gyro_walk=m.gyro_rrw, accel_scale=m.accel_scale,
+        accel_misalignment=m.accel_misalignment, gyro_g_sensitivity=m.gyro_g_sensitivity,
     )  # fmt: skip
 
 
@@ -368,21 +380,47 @@ def covariances(study: Study, model: ImuModel, done: Run, held: bool) -> tuple[A
     rest = [getattr(s, f"std_v_{a}_mps") or 0.0 for a in ("north", "east", "down")]
     rest += [getattr(s, f"std_{a}_m") or 0.0 for a in ("north", "east", "down")]
     noise = sensor_noise(study, model)
-    drawn = any(
-        np.any(x) for x in (noise.vrw, noise.arw, noise.accel_bias, noise.gyro_bias, noise.accel_gm, noise.gyro_gm)
+    if done.found is not None and done.found.gyro_bias_std is not None:
+        noise = replace(noise, gyro_bias=done.found.gyro_bias_std)
+    matrix = error_dynamics.MatrixErrors(
+        model.accel_scale, model.gyro_scale, model.accel_misalignment, model.gyro_misalignment, model.gyro_g_sensitivity
     )
+    drawn = any(np.any(x) for x in (*vars(noise).values(), *vars(matrix).values()) if np.all(np.isfinite(x)))
     none = np.full((n, 3, 3), np.nan)
     if n < 2 or not (drawn or any(tilt) or any(rest)) or np.max(np.abs(t.lat)) > 89.0 * D:
         return none, none.copy(), none.copy()
     every = max(1, n // 3000)
     rows = np.unique(np.append(np.arange(0, n, every), n - 1))
-    thin = Track(*(getattr(t, k)[rows] for k in ("time", "lat", "lon", "height", "v_n", "q_nb")))
+    names = ("time", "lat", "lon", "height", "v_n", "q_nb")
+    pieces = [(t, rows)] if done.begin is None else [(done.begin, slice(None)), (t, rows)]
+    columns: list[Any] = [np.concatenate([getattr(x, k)[i] for x, i in pieces]) for k in names]
+    thin = Track(*columns)
     start_std = np.array([max(tilt[0], tilt[1]), max(tilt[0], tilt[1]), tilt[2], *rest])
     P = error_dynamics.covariance(thin, noise, start_std, earth=done.earth, held=held)
+    f_b, w_b = _means(done.tables["imu"], thin.time)
+    P = P + error_dynamics.matrix_covariance(thin, matrix, f_b, w_b, earth=done.earth, held=held)
+    if float(np.max(P[:, range(3), range(3)])) > (20.0 * D) ** 2:
+        done.notes.append(
+            "the attitude's sigma grows beyond 20 deg: from there on the linear sigma is a rough guide only"
+        )
     rpy = thin.rpy
     E = np.array([_euler_errors(*row) for row in rpy])
     parts = (P[:, 6:9, 6:9], P[:, 3:6, 3:6], E @ P[:, 0:3, 0:3] @ E.transpose(0, 2, 1))
     return tuple(_between(thin.time, p, t.time) for p in parts)  # type: ignore[return-value]
+
+
+def _means(imu: Table, time: Array) -> tuple[Array, Array]:
+    """Mean specific force and rate (n - 1, 3) of an imu table between the times (n,)."""
+    edges = np.concatenate([[imu.time[0] - np.median(np.diff(imu.time))], imu.time])
+    step = np.diff(edges)[:, None]
+    kind = imu.kind == "increments"
+    out = []
+    for name in ("dv", "dtheta") if kind else ("accel", "gyro"):
+        values = imu.stack(*(f"{name}_{a}" for a in "xyz"))
+        total = np.vstack([np.zeros(3), np.cumsum(values if kind else values * step, axis=0)])
+        at = np.stack([np.interp(time, edges, total[:, i]) for i in range(3)], axis=1)
+        out.append(np.diff(at, axis=0) / np.diff(time)[:, None])
+    return out[0], out[1]
 
 
 def _euler_errors(roll: float, pitch: float, heading: float) -> Array:
@@ -422,7 +460,15 @@ def judged(study: Study, made: dict[str, Any], navigation: Navigation, done: Run
     if errors and grown[0] is not None and grown[1] is not None:  # in metres of the study's own Earth, sphere or not
         errors["horizontal_m"] = spread(np.hypot(grown[0][1], grown[1][1]))
     track = navigation.filter
-    lat, lon = (reference["lat"], reference["lon"]) if reference is not None else (track.lat, track.lon)
+    lat, lon = track.lat, track.lon
+    if reference is not None:
+        during = (reference.time >= track.time[0]) & (reference.time <= track.time[-1])
+        lat, lon = reference["lat"][during], reference["lon"][during]
+    if series is not None and study.filter.vertical == "held":  # no part of the error growth: nothing to judge
+        cov_pos, cov_vel = series.cov_pos.copy(), series.cov_vel.copy()
+        for cov in (cov_pos, cov_vel):
+            cov[:, 2, :] = cov[:, :, 2] = np.nan
+        series = replace(series, cov_pos=cov_pos, cov_vel=cov_vel)
     return {
         "study": {"name": study.study.name, "kind": study.study.kind},
         "made_by": made,

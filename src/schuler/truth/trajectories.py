@@ -28,6 +28,7 @@ _STEP = np.array([0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0])  # smooth step 
 _BUMP = np.array([0.0, 0.0, 0.0, 140.0, -420.0, 420.0, -140.0, 0.0])  # its derivative: area 1
 _SPIN = np.array([0.0, 0.0, 0.0, 0.0, 2.5, -3.0, 1.0, 0.0])  # integral of a rate that steps smoothly 0 -> 1
 G_BANK = 9.80665
+SHORTEST = 2.0  # s, of a turn or a climb: less is a jolt that no IMU rate resolves
 # The sphere of the studies: the equatorial radius and g = 9.81 m/s^2, for which the thesis's runs were recomputed.
 TEXTBOOK = sphere(6378137.0, 9.81 * 6378137.0**2)
 
@@ -332,13 +333,13 @@ def legs(
     """Straight legs with coordinated turns between them, and climbs in the middle of the legs.
 
     turns (rad, clockwise) are spread evenly over the duration, at a peak rate of turn_rate (rad/s); climbs[i] (m) lies
-    in the middle of leg i, at a peak rate of climb_rate (m/s). Bank is atan(speed rate/g), pitch follows the path.
+    in mid-leg i, at a peak rate of climb_rate (m/s); none is shorter than 2 s. Bank is atan(speed rate/g).
     """
     p = _profiles(speed, heading)
     count = max(len(turns), len(climbs) - 1)
     leg = duration / (count + 1)
     for i, turn in enumerate(turns):
-        length = 2.1875 * abs(turn) / turn_rate  # peak of the step's slope
+        length = max(2.1875 * abs(turn) / turn_rate, SHORTEST)  # peak of the step's slope
         if length > 0.95 * leg:
             raise InputError(
                 f"turn {i + 1} of {math.degrees(turn):g} deg takes {length:.0f} s, longer than its leg of {leg:.0f} s: "
@@ -346,7 +347,7 @@ def legs(
             )
         p[COURSE].step(leg * (i + 1) - 0.5 * length, length, turn)
     for i, climb in enumerate(climbs):
-        length = 2.1875 * abs(climb) / climb_rate
+        length = max(2.1875 * abs(climb) / climb_rate, SHORTEST)
         if length > 0.95 * leg:
             raise InputError(f"climb {i + 1} of {climb:g} m takes {length:.0f} s, longer than its leg of {leg:.0f} s")
         p[CLIMB].bump(leg * (i + 0.5) - 0.5 * length, length, climb)

@@ -86,7 +86,7 @@ def main() -> int:
             new = golden_of(run_example(example, DATA / folder, Path(out) / "tables").navigation)
         old = read(example) if (HERE / f"{example}.csv").exists() else {}
         for (time, name), (change, ratio) in sorted(moved(old, new).items()):
-            if abs(change) > 1e-6 or abs(ratio - 1.0) > 1e-6:
+            if abs(change) > 1e-3 or abs(ratio - 1.0) > 1e-3:
                 print(f"{example} {time:.3f} {name}: {change:+.3g} sigma, sigma x {ratio:.4g}")
         if "--update" in sys.argv[1:]:
             write(example, new)

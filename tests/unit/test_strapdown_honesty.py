@@ -193,3 +193,19 @@ def test_distance_is_that_of_the_run(tmp_path: Path) -> None:
     result = run_study(study(tmp_path, text))
     assert result.summary["distance_m"] == pytest.approx(500.0, abs=20.0)
     assert result.summary["errors"]["filter"]["horizontal_m"]["max"] < 0.01
+
+
+def test_a_window_that_moves_or_ends_late_is_not_called_still(tmp_path: Path) -> None:
+    from schuler.ground.errors import InputError, StudyError
+    from schuler.studies.align import align_study
+
+    text = recording(tmp_path, still_s=30.0, moving_s=10.0).replace(
+        "gyro_bias_deg_per_h = 100", "gyro_bias_deg_per_h = 500"
+    )
+    late = align_study(study(tmp_path, text + "[align]\nfrom_s = 5.0\nto_s = 900.0\n"))[1]
+    assert late["to_s"] == pytest.approx(40.0) and any("the recording ends" in n for n in late["notes"])
+    tilting = trajectories.oscillation(0.8, 0.2, roll=0.3, pitch=0.3, rate=0.3, duration=60.0).ideal(50.0).table()
+    with pytest.raises(InputError, match="not still"):
+        align(tilting, SensorErrors.of(gyro_bias=1e-3), lat=0.8, start=0.0, to=60.0)
+    with pytest.raises(StudyError, match="still base"):
+        align_study(study(tmp_path, FLIGHT))

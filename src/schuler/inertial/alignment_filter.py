@@ -69,6 +69,9 @@ def align(
         first, last = find_still(time, dtheta, dv, dt)
         start, to = (first if start is None else start), (last if to is None else to)
         notes.append(f"aligned on the stretch from {start:.2f} to {to:.2f} s")
+    if to > time[-1] + 1e-9:
+        notes.append(f"the recording ends at {time[-1]:.2f} s, before the {to:g} s asked for: aligned until there")
+        to = float(time[-1])
     rows = (time > start + 1e-9) & (time <= to + 1e-9)
     if int(rows.sum()) < 10:
         raise InputError(f"between {start:g} and {to:g} s there are {int(rows.sum())} IMU rows: too few to align on")
@@ -107,6 +110,16 @@ def _levelled(
             f"the gyro is too poor to find north: {what} leaves a heading sigma of {limit:.0f} deg here; roll and "
             f"pitch "
             "are levelled, give [start] heading_deg or align in motion"
+        )
+    # Mean force of each second: its direction in b stays where it is if the base is still.
+    second = np.floor(np.cumsum(dt) - 0.5 * dt).astype(int)
+    f = np.stack([np.bincount(second, dv[:, i]) for i in range(3)], axis=1)
+    mean = f.sum(axis=0)
+    turned = np.linalg.norm(np.cross(f, mean), axis=1) / np.maximum(np.linalg.norm(f, axis=1), 1e-9)
+    if math.sqrt(float(np.mean(turned**2))) > math.radians(2.0) * float(np.linalg.norm(mean)):
+        raise InputError(
+            f"between {start:g} and {to:g} s the IMU is not still: the direction of gravity turns by several degrees, "
+            "and these gyros cannot follow it; type [align] from_s and to_s of a still stretch"
         )
     unknown = math.pi / math.sqrt(3.0)
     std = unknown if heading is None else (heading_std if heading_std is not None else math.radians(5.0))

@@ -49,6 +49,15 @@ def align_study(
         drawn = DEFAULT_SEED if seed is None else seed
         made = trajectory_of(study)
         ideal = made.ideal(study.trajectory.rate_hz, every=1)
+        within = (ideal.time > (window.from_s or 0.0 if window else 0.0)) & (
+            ideal.time <= (window.to_s or math.inf if window else math.inf)
+        )
+        speed = float(np.max(np.linalg.norm(ideal.truth.v_n[within], axis=1), initial=0.0))
+        if speed > 0.05:
+            raise StudyError(
+                f"[trajectory] moves at up to {speed:.3g} m/s in the time of the alignment, which is for a still base: "
+                'type preset = "rest"'
+            )
         imu, lat = measure(ideal, imu_model(study), seed=drawn).table(), made.lat
     else:
         raise StudyError("[input] imu is absent: alignment needs an imu table (or a [trajectory] to simulate one)")

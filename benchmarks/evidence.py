@@ -1,9 +1,9 @@
 """`make evidence`: the figures of the README and of docs/evidence.md, measured again (some minutes).
 
-    python benchmarks/evidence.py [--runs 100] [--seed 2026] [--out docs] [--no-speed]
+    python benchmarks/evidence.py [--runs 300] [--seed 2026] [--out docs] [--no-speed]
 
 Monte Carlo on the paper's filter and on ours, real recordings where ../shared/data is beside the checkout, speed. Seed
-and number of runs were fixed before the first run. Status 1 where a claim does not hold.
+was fixed before the first run. Status 1 where a claim does not hold.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def markdown(claims: list[Claim], runs: int, seed: int, machine: str) -> str:
     lines = [
         "# Evidence",
         "",
-        f"Written by `make evidence`: {runs} runs for each simulated row, seed {seed}, both fixed beforehand;",
+        f"Written by `make evidence`: {runs} runs for each simulated row, seed {seed}, the seed fixed beforehand;",
         f"{machine}. Errors are horizontal. NEES and NIS are per degree of freedom, ideal 1, wanted inside the",
         f"99 % chi-square bounds of a mean over {runs} runs (one innovation a run); beside them the bounds as if all",
         "innovations were independent, which those of coloured errors are not.",
@@ -181,7 +181,7 @@ def say(text: str) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=100)
+    parser.add_argument("--runs", type=int, default=300)
     parser.add_argument("--seed", type=int, default=2026)
     parser.add_argument("--out", type=Path, default=ROOT / "docs")
     parser.add_argument("--no-speed", action="store_true", help="leave the benchmarks out")

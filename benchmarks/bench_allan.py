@@ -1,6 +1,6 @@
 """Overlapping Allan deviation of ten million samples, and a whole turntable calibration.
 
-    python benchmarks/bench_allan.py            prints the two targets and, where allantools is installed, the ratio
+python benchmarks/bench_allan.py            prints the two targets and, where allantools is installed, the ratio
 """
 
 from __future__ import annotations
@@ -42,7 +42,16 @@ def turntable() -> None:
     from schuler.calibration.turntable import calibrate
     from schuler.truth.turntable import Turntable, positions_table
 
-    plan = [(0.0, 0.0), (0.0, 45.0), (45.0, 45.0), (0.0, -45.0), (-45.0, -45.0), (45.0, -45.0), (-45.0, 45.0), (90.0, 45.0)]
+    plan = [
+        (0.0, 0.0),
+        (0.0, 45.0),
+        (45.0, 45.0),
+        (0.0, -45.0),
+        (-45.0, -45.0),
+        (45.0, -45.0),
+        (-45.0, 45.0),
+        (90.0, 45.0),
+    ]
     positions = positions_table(plan, spin_s=150.0)  # each way: 5 min of spin a position
     imu = Turntable(np.full((3, 3), 0.03), noise=2e-3, gyro_noise=1e-3).record(positions, 3000.0)
     print(f"turntable recording: {len(plan)} positions, {len(imu):.2e} rows at 3 kHz")

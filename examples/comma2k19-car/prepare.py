@@ -1,7 +1,7 @@
 """comma2k19 recording -> tables of the contract, with the study beside them.
 
-    python examples/comma2k19-car/prepare.py DATA_FOLDER OUT
-    schuler run OUT/study.toml
+python examples/comma2k19-car/prepare.py DATA_FOLDER OUT
+schuler run OUT/study.toml
 """
 
 import re

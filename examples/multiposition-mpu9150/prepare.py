@@ -1,7 +1,7 @@
 """A recording of calib_mpu9150_rotations -> imu.csv, with the plan beside it.
 
-    python examples/multiposition-mpu9150/prepare.py DATA/calib_mpu9150_rotations/imu0.log.gz OUT
-    schuler calibrate OUT/plan.toml
+python examples/multiposition-mpu9150/prepare.py DATA/calib_mpu9150_rotations/imu0.log.gz OUT
+schuler calibrate OUT/plan.toml
 """
 
 import gzip

@@ -1,7 +1,7 @@
 """The session of calib_ferraris_shimmer -> imu.csv and positions.csv, with the plan beside them.
 
-    python examples/multiposition-shimmer/prepare.py DATA/calib_ferraris_shimmer OUT
-    schuler calibrate OUT/plan.toml
+python examples/multiposition-shimmer/prepare.py DATA/calib_ferraris_shimmer OUT
+schuler calibrate OUT/plan.toml
 """
 
 import gzip

@@ -1,7 +1,7 @@
 """SeaExplorer recording -> tables of the contract, with the study beside them.
 
-    python examples/seaexplorer/prepare.py DATA_FOLDER OUT
-    schuler run OUT/study.toml
+python examples/seaexplorer/prepare.py DATA_FOLDER OUT
+schuler run OUT/study.toml
 """
 
 import re

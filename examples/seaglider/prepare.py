@@ -1,7 +1,7 @@
 """Seaglider recording -> tables of the contract, with the study beside them.
 
-    python examples/seaglider/prepare.py DATA_FOLDER OUT
-    schuler run OUT/study.toml
+python examples/seaglider/prepare.py DATA_FOLDER OUT
+schuler run OUT/study.toml
 """
 
 import re

@@ -1,7 +1,7 @@
 """A simulated turntable recording: the thesis's five positions (corrected), lever arms as it found them.
 
-    python examples/turntable-bench/make.py OUT
-    schuler calibrate OUT/plan.toml
+python examples/turntable-bench/make.py OUT
+schuler calibrate OUT/plan.toml
 """
 
 import shutil

@@ -7,7 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from schuler.published import sins_alignment, sins_calibration, sins_errata, sins_errors, sins_kinematics, sins_navigation
+from schuler.published import (
+    sins_alignment,
+    sins_calibration,
+    sins_errata,
+    sins_errors,
+    sins_kinematics,
+    sins_navigation,
+)
 from schuler.published.ledger import Row
 
 TITLE = "Master thesis on the accuracy of strapdown INS: alignment, algorithms, error model, size effect, optics (2022)"

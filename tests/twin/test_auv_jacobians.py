@@ -363,6 +363,9 @@ def test_transition(mode, drift):
     else:
         bias[: k.E_BG] = True  # the attitude is the compass's, turned by its offset alone
     close(Phi[~bias], expected[~bias], rtol=2e-4, atol=2e-4)
+    if mode == "imu":  # n turns by 7e-6 rad meanwhile
+        np.testing.assert_allclose(Phi[:3, :3], expected[:3, :3], rtol=0, atol=5e-8)
+        assert np.abs(expected[:3, :3] - np.eye(3)).max() > 2e-6
     if not drift:
         assert np.abs(expected[k.E_N, k.E_CN]) == pytest.approx(tau, rel=1e-3)
         assert np.abs(expected - np.eye(k.N)).max() > 0.1

@@ -34,8 +34,8 @@ class Instrument:
     published: frozenset[str]
 
     def _lines(self, rate_hz: float) -> list[tuple[str, str, str]]:
-        """(field, SI value, what one sample sees)."""
-        raise NotImplementedError
+        """(field, SI value, what one sample sees); each instrument has its own."""
+        return []
 
     def describe(self, rate_hz: float | None = None) -> str:
         """The datasheet's figures, in SI and per sample at rate_hz; each marked published or assumed."""

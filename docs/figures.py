@@ -25,7 +25,13 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = ("README.md", "docs/tutorial-auv.md", "docs/tutorial-online.md", "docs/how-to-own-data.md")
+PAGES = (
+    "README.md",
+    "docs/tutorial-auv.md",
+    "docs/tutorial-online.md",
+    "docs/how-to-own-data.md",
+    "docs/how-to-compare.md",
+)
 EVIDENCE = ROOT / "docs" / "evidence.json"
 DATA = ROOT.parent / "shared" / "data" / "glider_seaglider_sg171"
 NOT_PLAYED = ("make", "pip")

@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from schuler.io.tables import read_table, write_table
     from schuler.judging.errors import error_series
     from schuler.judging.result import Result
+    from schuler.studies.compare import compare_results
     from schuler.studies.model import Study, load_study
     from schuler.studies.run import run_study
     from schuler.truth.missions import AuvMission
@@ -72,6 +73,7 @@ _HOME = {  # public name -> the module that it lives in
     "Table": "schuler.ground.tables",
     "WGS84": "schuler.ground.earth",
     "check_file": "schuler.io.check",
+    "compare_results": "schuler.studies.compare",
     "convert": "schuler.io.convert",
     "error_series": "schuler.judging.errors",
     "load_study": "schuler.studies.model",
@@ -102,6 +104,7 @@ __all__ = [
     "Table",
     "__version__",
     "check_file",
+    "compare_results",
     "convert",
     "error_series",
     "load_study",

@@ -28,7 +28,7 @@ def build() -> Callable[..., int | None]:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_program)
-    for command in (demo, run, check, convert, align, calibrate, allan, published, bench, warmup):
+    for command in (demo, run, check, compare, convert, align, calibrate, allan, published, bench, warmup):
         app.command()(command)
     return app
 
@@ -66,6 +66,19 @@ def check(
     from schuler.cli.files import check
 
     check(files, json)
+
+
+def compare(
+    folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Result folders.", show_default=False)],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE|DIR", help="The page; by default compare.html beside the first folder."),
+    ] = None,
+) -> None:
+    """Result folders side by side: figures here, tracks, differences and sigmas on one page."""
+    from schuler.cli.compare import compare
+
+    compare(folders, out)
 
 
 def convert(

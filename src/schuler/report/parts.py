@@ -34,6 +34,7 @@ class Grid:
     left: int = 1  # columns set to the left
     tones: Sequence[str] = ()  # one a row: "" | "warn"
     groups: Sequence[tuple[str, int]] = ()  # titles above the head: words, columns they span
+    marked: Sequence[tuple[int, int]] = ()  # cells set off: row, column
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import pytest
 from schuler.ground.earth import WGS84, C_en
 from schuler.ground.errors import InputError
 from schuler.ground.frames import dcm_from_quat
+from schuler.truth import manoeuvres
 from schuler.truth import trajectories as shapes
 from schuler.truth.trajectories import TEXTBOOK
 
@@ -36,6 +37,8 @@ def made() -> dict[str, shapes.Trajectory]:
         "oscillation": shapes.oscillation(*PLACE, duration=100.0),
         "coning": shapes.coning(*PLACE, duration=10.0),
         "turntable": shapes.turntable(*PLACE, rate=0.4, mount=(0.5, 0.5, 0.5, 0.5), duration=30.0),
+        "car": manoeuvres.car(*PLACE, speed=15.0, heading=1.0, duration=200.0),
+        "flight": manoeuvres.flight(*PLACE, speed=60.0, heading=1.0, duration=200.0),
         "track": shapes.track(t, seen.lat, seen.lon, seen.height),
     }
 

@@ -115,6 +115,8 @@ def trajectory_of(study: Study) -> Trajectory:
             *place, turns=[x * D for x in t.turns_deg], climbs=t.climbs_m, turn_rate=t.turn_rate_deg_per_s * D,
             climb_rate=t.climb_rate_mps, **moving,
         )  # fmt: skip
+    elif t.preset in ("car", "flight"):
+        made = lively(study, place, heading, earth)
     elif t.preset == "great-circle":
         made = shapes.great_circle(*place, **moving)
     elif t.preset == "rhumb-line":
@@ -137,6 +139,20 @@ def trajectory_of(study: Study) -> Trajectory:
             '[trajectory] preset = "track" follows the reference of [input]: name it there, as reference = "truth.csv"'
         )
     return made
+
+
+def lively(study: Study, place: tuple[float, float, float], heading: float, earth: Ellipsoid) -> Trajectory:
+    """ "car" or "flight", each with its own speed and standing time where none is typed."""
+    from schuler.truth import manoeuvres
+
+    t = study.trajectory
+    assert t is not None
+    chosen: dict[str, Any] = {"duration": t.duration_s, "heading": heading, "variety": t.variety, "earth": earth}
+    if "speed_mps" in t.model_fields_set:
+        chosen["speed"] = t.speed_mps
+    if t.stand_s is not None:
+        chosen["stand"] = t.stand_s
+    return (manoeuvres.car if t.preset == "car" else manoeuvres.flight)(*place, **chosen)
 
 
 def track_of(study: Study, reference: Table) -> Trajectory:

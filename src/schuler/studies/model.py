@@ -26,6 +26,7 @@ from schuler.studies.sections import (
     OutputSection,
     PlatformSection,
     Section,
+    SimulateSection,
     StartSection,
     StudySection,
     SweepSection,
@@ -52,6 +53,7 @@ class Study(Section):
     align: AlignSection | None = key(None, "schuler align")
     mission: MissionSection | None = key(None, "a study without [input] is simulated; its truth is the reference")
     trajectory: TrajectorySection | None = key(None, 'kinds "strapdown" and "aided" without [input]')
+    simulate: SimulateSection | None = key(None, 'what the vehicle of kind "aided" carries, without [input]')
     errors: ErrorsSection | None = key(None, "fixed errors put on the simulated IMU, beside the draws of [imu]")
     platform: PlatformSection | None = key(None, 'kind "platform"')
 

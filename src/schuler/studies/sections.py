@@ -352,11 +352,25 @@ class MissionSection(Section):
 
 class TrajectorySection(Section):
     preset: Literal[
-        "rest", "legs", "great-circle", "rhumb-line", "oscillation", "coning", "dive", "turntable", "track"
+        "rest",
+        "legs",
+        "car",
+        "flight",
+        "great-circle",
+        "rhumb-line",
+        "oscillation",
+        "coning",
+        "dive",
+        "turntable",
+        "track",
     ] = key("legs", "shape of the trajectory; it begins at [start]")
     duration_s: float = key(14400.0, "how long", "s", gt=0)
     rate_hz: float = key(100.0, "IMU rate", "Hz", gt=0)
-    speed_mps: float = key(200.0, "speed over ground", "m/s", ge=0)
+    speed_mps: float = key(200.0, 'speed over ground; absent: 15 for "car", 60 for "flight"', "m/s", ge=0)
+    stand_s: float | None = key(
+        None, 'standing at first; absent: 30 for "car", 0 for "flight", which then begins in the air', "s", ge=0
+    )
+    variety: int = key(0, '"car" and "flight": another number is another drive or flight', ge=0, le=10000)
     turns_deg: Numbers = key((), "turns, one after the other, clockwise", "deg")
     turn_rate_deg_per_s: float = key(1.5, "fastest rate of a turn", "deg/s", gt=0)
     climbs_m: Numbers = key((), "change of height in the middle of each leg", "m")
@@ -369,6 +383,41 @@ class TrajectorySection(Section):
     cone_hz: float = key(5.0, "turns of the cone", "Hz", gt=0)
     table_deg_per_s: float = key(20.0, "turntable rate, clockwise from above", "deg/s")
     earth: Literal["wgs84", "sphere"] = key("wgs84", "figure of the Earth; the sphere: 6378137 m, g = 9.81 m/s^2")
+
+
+class SimulateSection(Section):
+    gnss_hz: float = key(1.0, "fixes; 0: no receiver", "Hz", ge=0, le=1000)
+    gnss_velocity: bool = key(True, "the receiver gives velocity too")
+    speed_hz: float = key(0.0, "axial speed log or odometer", "Hz", ge=0, le=1000)
+    dvl_hz: float = key(0.0, "velocity over ground in body axes", "Hz", ge=0, le=1000)
+    depth_hz: float = key(0.0, "depth sensor", "Hz", ge=0, le=1000)
+    height_hz: float = key(0.0, "barometer with a slow drift", "Hz", ge=0, le=1000)
+    magnetometer: bool = key(False, "three axes in the imu table, the field of WMM2025")
+    ranges_hz: float = key(0.0, "distances to every beacon", "Hz", ge=0, le=1000)
+    beacons: int = key(4, "how many, on a circle around the track", ge=1, le=1000)
+    beacon_radius_m: float | None = key(None, "of the circle; absent: 0.8 of the track's extent", "m", gt=0)
+    sightings_per_s: float = key(0.0, "landmarks seen by the camera, of all pictures together", "1/s", ge=0)
+    sightings_hz: float = key(0.0, "pictures", "Hz", ge=0, le=1000)
+    lidar_hz: float = key(0.0, "ranges of a lidar", "Hz", ge=0, le=1e6)
+    speed_is: Literal["ground", "water", "air"] = key("ground", "what the speed log feels; its current is in [noise]")
+    gnss_delay_s: float = key(0.0, "delay of the fixes, drawn once, 1 sigma", "s", ge=0, le=2)
+    gnss_velocity_delay_s: float | None = key(
+        None, "delay of the receiver's velocity, drawn once, 1 sigma; absent: that of the fixes", "s", ge=0, le=2
+    )
+    speed_delay_s: float = key(0.0, "delay of the speed log, drawn once, 1 sigma", "s", ge=0, le=2)
+    dvl_delay_s: float = key(0.0, "delay of the DVL, drawn once, 1 sigma", "s", ge=0, le=2)
+    mounting_deg: float = key(0.0, "roll, pitch, yaw of the IMU beside [mounting], drawn once, 1 sigma", "deg", ge=0)
+    antenna_lever_m: float = key(0.0, "error of antenna_frd_m, drawn once, each axis, 1 sigma", "m", ge=0)
+    speed_lever_m: float = key(0.0, "error of speed_frd_m, drawn once, each axis, 1 sigma", "m", ge=0)
+    dvl_lever_m: float = key(0.0, "error of dvl_frd_m, drawn once, each axis, 1 sigma", "m", ge=0)
+    dvl_misalignment_deg: float = key(0.0, "roll, pitch, yaw of the DVL, drawn once, 1 sigma", "deg", ge=0)
+    height_bias_m: float = key(0.0, "slow drift of the barometer, 1 sigma of a Gauss-Markov process", "m", ge=0)
+    height_tau_s: float = key(1000.0, "its correlation time", "s", gt=0)
+    range_scale_percent: float = key(0.0, "scale of all ranges, drawn once, 1 sigma", "%", ge=0)
+    mag_bias_deg: float = key(2.0, "the compass reads heading plus this, drawn once, 1 sigma", "deg", ge=0)
+    hard_iron_ut: float = key(0.0, "constant field at the magnetometer, drawn once, each axis, 1 sigma", "uT", ge=0)
+    year: float = key(2026.0, "date of the magnetic field", ge=2025, le=2030)
+    imu_rows: Literal["increments", "rates"] = key("increments", "what a row of the imu table holds")
 
 
 class ErrorsSection(Section):

@@ -225,30 +225,30 @@ class _Profile:
 
     def __init__(self, start: float) -> None:
         self.start = start
-        self.pieces: list[tuple[float, float, Array]] = []  # start, length, coefficients of u = (t - start)/length
+        # start, length, coefficients of u = (t - start)/length, and value and slope in u after it
+        self.pieces: list[tuple[float, float, Array, float, float]] = []
 
     def step(self, start: float, length: float, change: float) -> None:
         if change != 0.0:
-            self.pieces.append((start, length, change * _STEP))
+            self.pieces.append((start, length, change * _STEP, change, 0.0))
 
     def bump(self, start: float, length: float, area: float) -> None:
         if area != 0.0:
-            self.pieces.append((start, length, area / length * _BUMP))
+            self.pieces.append((start, length, area / length * _BUMP, 0.0, 0.0))
 
     def spin(self, start: float, length: float, rate: float) -> None:
         """A rate that rises smoothly from 0 to `rate` and stays."""
-        self.pieces.append((start, length, rate * length * _SPIN))
+        self.pieces.append((start, length, rate * length * _SPIN, 0.5 * rate * length, rate * length))
 
     def at(self, t0: float) -> Array:
         """(9,): coefficients in (t - t0) just after t0, and the highest power in use."""
         total = np.zeros(9)
         total[0] = self.start
-        for start, length, c in self.pieces:
+        for start, length, c, end, slope in self.pieces:
             u = (t0 - start) / length
             if u < -1e-12:
                 continue
             if u >= 1.0 - 1e-12:
-                end, slope = c.sum(), float(np.arange(8) @ c)
                 total[0] += end + slope * (u - 1.0)
                 total[1] += slope / length
                 continue
@@ -256,6 +256,8 @@ class _Profile:
             for k in range(8):
                 total[k] += p(u) / (math.factorial(k) * length**k)
                 p = p.deriv()
+        if abs(total[0]) < 1e-12 * sum(abs(piece[3]) for piece in self.pieces):
+            total[0] = 0.0  # steps that cancel leave nothing: a vehicle that has stopped stands still
         total[8] = max(np.flatnonzero(total[:8]), default=0)
         return total
 
@@ -275,7 +277,7 @@ def _build(
         )
     cuts = {0.0}
     for p in profiles:
-        for start, length, _ in p.pieces:
+        for start, length, *_ in p.pieces:
             cuts |= {start, start + length}
     breaks = np.array(sorted(cuts))
     breaks = breaks[np.concatenate([[True], np.diff(breaks) > 1e-9])]
@@ -283,7 +285,7 @@ def _build(
     par = np.zeros(motion.PARAMETERS)
     par[motion.KIND], par[motion.FOLLOW], par[motion.BANK_G] = motion.SURFACE, float(follow), G_BANK
     par[motion.EXTRA : motion.EXTRA + len(extra)] = extra
-    lengths = [length for p in profiles for _, length, _ in p.pieces]
+    lengths = [piece[1] for p in profiles for piece in p.pieces]
     fastest = 4.0 * math.pi / min(lengths) if lengths else 1e-3
     if par[motion.EXTRA] == 2.0:
         fastest = max(fastest, abs(extra[2]))

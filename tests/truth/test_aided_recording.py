@@ -47,11 +47,11 @@ def inside(table):
 
 
 def test_without_noise_fixes_are_the_antenna_at_its_moment() -> None:
-    suite = replace(CLEAN, gnss_delay_std=0.2, antenna_std=0.3)
+    suite = replace(CLEAN, gnss_delay=0.3, gnss_delay_std=0.1, antenna_std=0.3)
     r = simulate(FLIGHT, ImuModel(), suite, 50.0, seed=3)
     delay = r.truth_states["gnss_delay"][1][0]
     arm = np.array([r.truth_states[f"antenna_lever_{a}"][1][0] for a in "xyz"])
-    assert 0.01 < abs(delay) < 0.8
+    assert 0.01 < abs(delay - 0.3) < 0.4
     assert 0.05 < np.linalg.norm(arm - ARM) < 1.5
     g = r.tables["gnss"]
     t = g.time[inside(g)] - delay  # a delay > 0: the row stamped t belongs to t - delay

@@ -36,12 +36,14 @@ def test_keys_arrive_in_si() -> None:
                    "current_walk_mps_per_sqrt_h": 0.6},
             mounting={"antenna_frd_m": [1.0, 0.0, -2.0], "imu_to_body_rpy_deg": [180.0, 0.0, 90.0]},
             start={"std_north_m": 3.0, "std_heading_deg": 5.0},
+            input={"gnss_delay_s": 0.25},
         )
     )  # fmt: skip
     s = made.suite
     assert (s.speed_hz, s.dvl_hz, s.gnss_hz, s.depth_hz) == (5.0, 2.0, 1.0, 0.0)
     assert s.mounting_std == pytest.approx(2.0 * D) and s.dvl_misalignment_std == pytest.approx(D)
     assert (s.antenna_std, s.gnss_delay_std, s.height_bias_std, s.height_bias_tau) == (0.2, 0.1, 4.0, 300.0)
+    assert s.gnss_delay == 0.25
     assert s.speed_scale_std == 0.02 and s.speed_std == 0.2 and s.range_scale_std == 0.05
     assert s.gnss_correlated == (1.0, 1.0, 1.5) and s.current_walk == pytest.approx(0.01)
     assert s.magnetometer.bias_deg == 3.0 and s.magnetometer.noise_deg == 2.5

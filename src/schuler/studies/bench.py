@@ -172,6 +172,25 @@ def _simulate() -> Work:
     return lambda: simulate(PRESETS["paper-test-1"], SUITES["demo"], seed=1)
 
 
+@task("vehicle simulated with all its sensors, 1800 s at 100 Hz", "IMU epochs/s", 180_000)
+def _simulate_vehicle() -> Work:
+    from schuler.studies.model import parse_study
+    from schuler.studies.simulated import simulation
+
+    sensors = {"speed_hz": 10.0, "dvl_hz": 5.0, "depth_hz": 1.0, "height_hz": 1.0, "ranges_hz": 1.0}
+    study = parse_study(
+        {
+            "study": {"name": "bench", "kind": "aided"},
+            "start": {"lat_deg": 50.0},
+            "trajectory": {"preset": "flight", "duration_s": 1800.0},
+            "imu": {"preset": "tactical"},
+            "simulate": {**sensors, "magnetometer": True, "mounting_deg": 1.0, "gnss_delay_s": 0.1},
+        }
+    )
+    made = simulation(study)
+    return lambda: made.record(seed=1)
+
+
 @task("AUV filter, 620 s at 100 Hz", "IMU epochs/s", EPOCHS)
 def _filter() -> Work:
     from schuler.aiding.auv import AuvSettings, navigate

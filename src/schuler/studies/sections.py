@@ -400,7 +400,9 @@ class SimulateSection(Section):
     sightings_hz: float = key(0.0, "pictures", "Hz", ge=0, le=1000)
     lidar_hz: float = key(0.0, "ranges of a lidar", "Hz", ge=0, le=1e6)
     speed_is: Literal["ground", "water", "air"] = key("ground", "what the speed log feels; its current is in [noise]")
-    gnss_delay_s: float = key(0.0, "delay of the fixes, drawn once, 1 sigma", "s", ge=0, le=2)
+    gnss_delay_s: float = key(
+        0.0, "delay of the fixes beside [input] gnss_delay_s, drawn once, 1 sigma", "s", ge=0, le=2
+    )
     gnss_velocity_delay_s: float | None = key(
         None, "delay of the receiver's velocity, drawn once, 1 sigma; absent: that of the fixes", "s", ge=0, le=2
     )

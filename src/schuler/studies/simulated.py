@@ -136,6 +136,7 @@ def suite_of(study: Study) -> AidedSuite:
         gnss_velocity_std=n.gnss_mps,
         gnss_correlated=(slow, slow, DOWN * slow),
         gnss_correlated_tau=n.gnss_correlated_tau_s,
+        gnss_delay=study.input.gnss_delay_s,
         gnss_delay_std=s.gnss_delay_s,
         gnss_velocity_delay_std=later,
         antenna=m.antenna_frd_m,

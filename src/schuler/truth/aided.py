@@ -42,7 +42,8 @@ FIELD_STEP = 100.0  # m between two evaluations of the magnetic field, linear be
 class AidedSuite:
     """What the vehicle carries; a rate of 0 is a sensor that it does not have.
 
-    gnss_velocity_delay_std: None: the velocity is as late as the position.
+    gnss_delay : s, of position and velocity, known. gnss_velocity_delay_std: None: the velocity is as late as the
+    position.
     *_std of a noise: 1 sigma of one row. *_std of a scale, delay (s), arm (m) or angle (rad): 1 sigma of the value
     that is drawn once a run and that a filter may estimate. Arms run from the IMU, body FRD, m.
     gnss_correlated : north east down, m, stationary sigma of a first-order Gauss-Markov process. current: N(0,
@@ -57,6 +58,7 @@ class AidedSuite:
     gnss_velocity_std: Arm = (0.05, 0.05, 0.1)
     gnss_correlated: Arm = (0.0, 0.0, 0.0)
     gnss_correlated_tau: float = 100.0
+    gnss_delay: float = 0.0
     gnss_delay_std: float = 0.0
     gnss_velocity_delay_std: float | None = None
     antenna: Arm = (0.0, 0.0, 0.0)
@@ -251,11 +253,14 @@ def _gnss(v: _Vehicle) -> None:
     s = v.suite
     if s.gnss_hz <= 0.0:
         return
-    delay = float(v.drawn("gnss.delay", s.gnss_delay_std, ("gnss_delay",))[0])
+    delay = float(v.drawn("gnss.delay", s.gnss_delay_std, ("gnss_delay",), np.array([s.gnss_delay]))[0])
     arm = v.drawn("gnss.lever", s.antenna_std, tuple(f"antenna_lever_{a}" for a in "xyz"), np.array(s.antenna))
     later = delay
     if s.gnss_velocity_delay_std is not None:
-        later = float(v.drawn("gnss.velocity_delay", s.gnss_velocity_delay_std, ("gnss_velocity_delay",))[0])
+        drawn = v.drawn(
+            "gnss.velocity_delay", s.gnss_velocity_delay_std, ("gnss_velocity_delay",), np.array([s.gnss_delay])
+        )
+        later = float(drawn[0])
     m, moving = v.moments(s.gnss_hz, delay, later), v.moments(s.gnss_hz, later, delay)
     n = len(m.kept)
     slow = Walk(v.random("gnss.correlated"), np.array(s.gnss_correlated), s.gnss_correlated_tau, 1.0 / s.gnss_hz)

@@ -101,11 +101,24 @@ def inside_3_sigma(series: ErrorSeries) -> float | None:
     return float(every.mean()) if len(every) else None
 
 
+def typical(nis: Array, dof: NDArray[np.int64]) -> float | None:
+    """Median of NIS values (n,) of `dof` (n,) components each, over the median that chi-square has: ideal 1.
+
+    Fewer than half of them being outliers move it little, and so does a gate that refuses some.
+    """
+    good = np.isfinite(nis) & (dof > 0)
+    if not good.any():
+        return None
+    expected = {int(d): chi2_quantile(int(d), 0.5) for d in np.unique(dof[good])}
+    return float(np.median(nis[good] / np.array([expected[int(d)] for d in dof[good]])))
+
+
 def nis_table(innovations: Mapping[str, Innovations]) -> dict[str, dict[str, Any]]:
     """Mean NIS per degree of freedom of each kind of measurement, with the 99 % bounds for n of them, ideal 1.
 
     Only innovations that were used; "left_out" counts those that the gate refused. The bounds are for a mean over
-    independent innovations.
+    independent innovations. "median" (`typical`) is of all, used or not; its root, "sigma_factor", says how many
+    times larger innovations are than their sigma.
     """
     table = {}
     for kind, i in innovations.items():
@@ -116,6 +129,7 @@ def nis_table(innovations: Mapping[str, Innovations]) -> dict[str, dict[str, Any
         n = int(used.sum())
         mean = float(i.nis[used].sum() / dof) if dof else None
         low, high = chi2_bounds(1, dof) if dof else (None, None)
+        median = typical(i.nis, seen)
         table[kind] = {
             "mean": mean,
             "low": low,
@@ -123,6 +137,8 @@ def nis_table(innovations: Mapping[str, Innovations]) -> dict[str, dict[str, Any
             "n": n,
             "dof": d,
             "left_out": int(len(i.time) - np.asarray(i.used, dtype=bool).sum()),
+            "median": median,
+            "sigma_factor": None if median is None else float(np.sqrt(median)),
         }
     return table
 

@@ -147,7 +147,32 @@ def outage(
     entry["smoother_horizontal_max_m"] = smooth_largest
     entry["heading_sigma_deg"] = end["heading_sigma_deg"]
     entry["sigma_end_m"] = end["sigma_end_m"]
+    length = travelled(smoothed or filtered, withheld, sensor, reference, start_s, last)
+    entry["distance_m"] = length
+    entry["percent_of_distance"] = (
+        100.0 * end["horizontal_end_m"] / length if end["horizontal_end_m"] is not None and length > 0.0 else None
+    )
     return entry
+
+
+def travelled(
+    track: Solution, withheld: Table, sensor: str, reference: Table | None, start: float, end: float
+) -> float:
+    """Metres over ground from start to end: of the reference where it covers them, else of the fixes withheld where
+    they are dense, else as estimated."""
+    if reference is not None and "lat" in reference:
+        inside = (reference.time >= start) & (reference.time <= end)
+        covered = inside.any() and reference.time[inside][-1] - reference.time[inside][0] > 0.9 * (end - start)
+        if covered:
+            return distance(reference["lat"][inside], reference["lon"][inside])
+    if sensor == "gnss" and "lat" in withheld and len(withheld) > 2:
+        step = np.diff(withheld.time)
+        if step.max() <= 2.0 and withheld.time[-1] - withheld.time[0] > 0.9 * (end - start):
+            each = max(int(round(1.0 / max(float(np.median(step)), 1e-3))), 1)  # about 1 Hz: noise is no distance
+            rows = np.unique(np.append(np.arange(0, len(withheld), each), len(withheld) - 1))
+            return distance(withheld["lat"][rows], withheld["lon"][rows])
+    inside = (track.time >= start) & (track.time <= end)
+    return distance(track.lat[inside], track.lon[inside])
 
 
 def _smoothed_against_rows(track: Solution, rows: Table, delay: float) -> Array:

@@ -108,6 +108,7 @@ class Panel:
     span: tuple[float, float] | None = None
     height: int = _PANEL_PX
     lines: Sequence[tuple[float, str]] = ()  # level marks: value, what it is
+    shaded: Sequence[tuple[float, float, str]] = ()  # of this panel alone: from, to (study's clock, s), colour
 
 
 def gapped(time: Array, *values: Array) -> tuple[Array, ...]:
@@ -285,6 +286,21 @@ def stack(id: str, title: str, panels: Sequence[Panel], axis: TimeAxis, caption:
                 "font": {"size": 12, "color": TITLE},
             }
         )
+        for start, end, color in panel.shaded:
+            layout["shapes"].append(
+                {
+                    "type": "rect",
+                    "layer": "below",
+                    "xref": "x",
+                    "yref": f"y{suffix} domain",
+                    "x0": round(float(axis.of(start)), 4),
+                    "x1": round(float(axis.of(end)), 4),
+                    "y0": 0,
+                    "y1": 1,
+                    "fillcolor": color,
+                    "line": {"width": 1, "color": color},
+                }
+            )
         for level, _ in panel.lines:
             layout["shapes"].append(
                 {

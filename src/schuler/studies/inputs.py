@@ -25,13 +25,17 @@ MAG = ("mag_x", "mag_y", "mag_z")
 
 @dataclass
 class Inputs:
-    """What a kind is given. tables: in body axes, outages not yet taken out; truth_states: of a simulation."""
+    """What a kind is given. tables: in body axes, outages not yet taken out; truth_states: of a simulation.
+
+    elsewhen: a reference that shares no time with the tables, so that nothing is judged against it.
+    """
 
     tables: dict[str, Table]
     reference: Table | None = None
     truth_states: dict[str, tuple[Array, Array]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     declination: float | None = None
+    elsewhen: Table | None = None
 
 
 def read_tables(study: Study, progress: Progress = silent) -> Inputs:
@@ -80,6 +84,13 @@ def read_tables(study: Study, progress: Progress = silent) -> Inputs:
     if faults:
         raise InputError("\n".join(faults))
     reference = tables.pop("reference", None)
+    if reference is not None and given.reference_delay_s:
+        columns = {**reference.columns, "time": reference.time - given.reference_delay_s}
+        reference = Table(reference.name, columns, reference.kind, reference.source, reference.notes)
+        notes.append(
+            f"{_file(study, 'reference')}: its times less {given.reference_delay_s:.12g} s, as [input] "
+            "reference_delay_s says"
+        )
     return Inputs(tables, reference, notes=notes)
 
 
@@ -162,7 +173,7 @@ def check_overlap(study: Study, inputs: Inputs, main: str) -> None:
                 f"{_file(study, 'reference')} runs from {a:.1f} to {b:.1f} s and {_file(study, main)} from {first:.1f} "
                 f"to {last:.1f} s: they do not overlap, so nothing is judged against it"
             )
-            inputs.reference = None
+            inputs.reference, inputs.elsewhen = None, inputs.reference
 
 
 def _far_apart(study: Study, inputs: Inputs, main: str) -> list[str]:
@@ -203,23 +214,21 @@ def speed_notes(study: Study, tables: dict[str, Table]) -> list[str]:
     return [f"{_file(study, 'speed')} reads {ratio:.2f} times the speed over ground of {_file(study, 'gnss')}; {hint}"]
 
 
-FAR_M = 100e3  # a reference that lies so far from the fixes is not of this vehicle, or not in these units
-
-
 def place_notes(study: Study, inputs: Inputs) -> list[str]:
-    """Sentences on a reference that lies elsewhere than the fixes, and on a depth that is a height."""
-    notes = []
-    gnss, reference, depth = inputs.tables.get("gnss"), inputs.reference, inputs.tables.get("depth")
-    if gnss is not None and reference is not None and "lat" in gnss and "lat" in reference:
-        from schuler.ground.earth import LocalFrame
+    """Sentences on a reference that lies elsewhere than the fixes, and on a depth that is a height.
 
-        first = [float(np.nanmedian(t[c])) for t in (gnss, reference) for c in ("lat", "lon")]
-        north, east, down = LocalFrame(first[0], first[1]).ned(first[2], first[3])
-        away = float(np.sqrt(north**2 + east**2 + down**2))
+    InputError where the fixes have their lat and lon exchanged.
+    """
+    from schuler.studies.places import FAR_M, apart, check_exchanged, middle
+
+    gnss, reference, depth = inputs.tables.get("gnss"), inputs.reference, inputs.tables.get("depth")
+    notes = check_exchanged(study, inputs, _file(study, "gnss"), _file(study, "reference"))
+    if not notes and gnss is not None and reference is not None and "lat" in gnss and "lat" in reference:
+        away = apart(middle(gnss), middle(reference))
         if away > FAR_M:
             notes.append(
-                f"{_file(study, 'reference')} lies {away / 1e3:.0f} km from {_file(study, 'gnss')}: are lat and lon "
-                "exchanged in one of them, or in another unit?"
+                f"{_file(study, 'reference')} lies {away / 1e3:.0f} km from {_file(study, 'gnss')}: are they of one "
+                "vehicle, and in one unit?"
             )
     if depth is not None and len(depth) and float(np.median(depth["depth"])) < 0.0:
         deepest = float(np.min(depth["depth"]))

@@ -11,6 +11,7 @@ from schuler.aiding.solution import Navigation
 from schuler.ground.errors import InputError
 from schuler.ground.tables import Table
 from schuler.judging import consistency, outages
+from schuler.judging.distrust import distrusted
 from schuler.judging.errors import circular, distance, error_series, summary
 from schuler.judging.result import Result
 from schuler.studies.corrected import corrected
@@ -25,6 +26,7 @@ from schuler.studies.inputs import (
     withhold,
 )
 from schuler.studies.magnetic import recorded_declination
+from schuler.studies.remarks import judging_notes
 from schuler.studies.run import DEFAULT_SEED, Progress, made_by, register
 from schuler.studies.warm import need
 
@@ -67,6 +69,7 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
     over, more = swept(study, inputs, progress)
     notes = [*inputs.notes, *not_estimated(study), *unread(study), *navigation.notes, *more]
     told = judged(study, made_by(study, seed), navigation, inputs, tables, each, notes)
+    notes += judging_notes(study, inputs, navigation, told)
     if study.sweep is not None:
         told["sweep"] = over
     return Result(
@@ -171,6 +174,7 @@ def judged(
         "surfacings": [f for f in found if f["max_depth_m"] is None or f["max_depth_m"] > SURFACE_M],
         "surface_gaps": [f for f in found if f["max_depth_m"] is not None and f["max_depth_m"] <= SURFACE_M],
         "states": states(navigation, inputs.truth_states),
+        "distrusted": distrusted(navigation.innovations),
         "notes": notes,
     }
     return told

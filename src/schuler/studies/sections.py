@@ -172,6 +172,7 @@ class InputSection(Section):
         le=180,
     )
     gnss_delay_s: float = key(0.0, "a gnss row stamped t belongs to t - delay", "s", ge=-5, le=5)
+    reference_delay_s: float = key(0.0, "a reference row stamped t belongs to t - delay", "s")
 
     @property
     def tables(self) -> dict[str, str]:

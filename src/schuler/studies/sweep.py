@@ -11,6 +11,10 @@ from schuler.aiding.solution import Navigation
 from schuler.ground.tables import Table
 
 BETWEEN_S = 30.0  # fixes between one outage and the next
+KEPT = (  # of each window, in "entries"
+    "start_s", "end_s", "horizontal_end_m", "percent_of_distance", "sigma_end_m", "nees_half_end",
+    "smoother_horizontal_max_m",
+)  # fmt: skip
 PHASES = 2  # the windows of a length are laid again, shifted by half their period
 
 
@@ -66,6 +70,9 @@ def sweep(
                 "filter_end_m": quantiles(entries, "horizontal_end_m"),
                 "smoother_max_m": quantiles(entries, "smoother_horizontal_max_m"),
                 "nees_half": mean(entries, "nees_half_end"),
+                "filter_end_percent": quantiles(entries, "percent_of_distance"),
+                "sigma_end_m": quantiles(entries, "sigma_end_m"),
+                "entries": [{key: entry.get(key) for key in KEPT} for entry in sorted(entries, key=_start)],
             }
         )
     return told, notes
@@ -73,13 +80,17 @@ def sweep(
 
 def quantiles(entries: list[dict[str, Any]], key: str) -> dict[str, float | None]:
     """{"p50", "p95"} over the windows that know a figure."""
-    known = [e[key] for e in entries if e[key] is not None]
+    known = [e[key] for e in entries if e.get(key) is not None]
     if not known:
         return {"p50": None, "p95": None}
     return {"p50": float(np.percentile(known, 50)), "p95": float(np.percentile(known, 95))}
 
 
+def _start(entry: dict[str, Any]) -> float:
+    return float(entry["start_s"])
+
+
 def mean(entries: list[dict[str, Any]], key: str) -> float | None:
     """Mean over the windows that know a figure."""
-    known = [e[key] for e in entries if e[key] is not None]
+    known = [e[key] for e in entries if e.get(key) is not None]
     return float(np.mean(known)) if known else None

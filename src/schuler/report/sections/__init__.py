@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from schuler.report.parts import Opening, Section
-from schuler.report.sections import consistency, errors, opening, platform, record, states, strapdown, track
+from schuler.report.sections import consistency, errors, opening, platform, record, states, strapdown, sweep, track
 from schuler.report.view import View
 
 Chapter = Callable[[View], Section | None]
@@ -23,6 +23,8 @@ _AIDED: tuple[Chapter, ...] = (
     errors.depth,
     states.gyro_biases,
     states.learnt,
+    sweep.sweep,
+    consistency.distrust,
     consistency.innovations,
     consistency.honesty,
     record.figures_table,

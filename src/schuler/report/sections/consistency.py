@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 from schuler.aiding.solution import Innovations
 from schuler.ground.units import DEG
 from schuler.judging.consistency import nees
+from schuler.judging.distrust import distrusted
 from schuler.judging.errors import ErrorSeries
 from schuler.report import decimate, figures
 from schuler.report.figures import FILTER, REJECTED, SERIES, Panel
-from schuler.report.parts import Grid, Section, number
+from schuler.report.parts import Grid, Section, number, plural, seconds
 from schuler.report.view import View
 
 Array = NDArray[np.float64]
@@ -23,6 +24,8 @@ _NIS = (
     "NIS: squared innovation in units of its stated sigma, per degree of freedom. The bounds are those of the mean of "
     "so many independent innovations."
 )
+_DOUBT = figures.shade(REJECTED, 0.16)
+_TOLD, _SHADED = 30, 200  # stretches in the table, in the figure
 _REACH = 5.0  # sigmas shown of an innovation
 _NAMES = {"gnss_position": "GNSS position", "gnss_velocity": "GNSS velocity", "dvl": "DVL", "speed": "speed log"}
 
@@ -31,16 +34,66 @@ def title_of(kind: str) -> str:
     return _NAMES.get(kind, kind.replace("_", " ").replace("gnss", "GNSS").replace("dvl", "DVL"))
 
 
+def doubts(view: View) -> list[dict[str, Any]]:
+    """Stretches in which a sensor was distrusted, of summary.json or found anew."""
+    told = view.summary.get("distrusted")
+    return list(told) if told is not None else distrusted(view.innovations)
+
+
+def distrust(view: View) -> Section | None:
+    """When which sensor was distrusted, in words."""
+    found = doubts(view)
+    if not found:
+        return None
+    told: dict[str, list[dict[str, Any]]] = {}
+    for entry in found:
+        told.setdefault(str(entry["sensor"]), []).append(entry)
+    sentences = []
+    for sensor, entries in told.items():
+        long = sum(float(e["end_s"]) - float(e["start_s"]) for e in entries)
+        count = sum(int(e["rows"]) for e in entries)
+        when = f"{plural(len(entries), 'stretch', 'stretches')}, {seconds(long)} in all"
+        if len(entries) == 1:
+            when = f"from {_clock(entries[0]['start_s'])} to {_clock(entries[0]['end_s'])} s"
+        sentences.append(f"{title_of(sensor)}: {when}; {plural(count, 'measurement')} left out or counted little.")
+    cells = [
+        [
+            title_of(str(e["sensor"])),
+            f"{_clock(e['start_s'])} … {_clock(e['end_s'])} s",
+            seconds(float(e["end_s"]) - float(e["start_s"])),
+            f"{_whole(e['rows'])} of {_whole(e['of'])}" if e.get("of") is not None else _whole(e["rows"]),
+        ]
+        for e in found[:_TOLD]
+    ]
+    more = f" The first {_TOLD} of {len(found)}." if len(found) > _TOLD else ""
+    grid = Grid(["sensor", "when", "for", "distrusted"], cells, f"Shaded red among the innovations.{more}", left=2)
+    lead = (
+        "Measurements that contradicted everything else, several in a row, so that the filter did without them. The "
+        "track there rests on the other sensors."
+    )
+    return Section("distrust", "When a sensor was distrusted", lead, grids=[grid], sentences=sentences)
+
+
+def _clock(time: Any) -> str:
+    return f"{float(time):.1f}".removesuffix(".0").replace("-", "−")
+
+
 def innovations(view: View) -> Section | None:
     """All kinds in units of their own sigma, so that a surfacing and a routine fix are read on one scale."""
+    found = doubts(view)
     panels = [_panel(view, kind, i) for kind in view.innovations for i in range(len(kind.components))]
+    for panel, kind in zip(panels, (k for k in view.innovations for _ in k.components), strict=True):
+        panel.shaded = [
+            (float(e["start_s"]), float(e["end_s"]), _DOUBT) for e in found[:_SHADED] if e["sensor"] == kind.kind
+        ]
     figure = figures.stack(
         "fig-innovations",
         "Innovations",
         panels,
         view.axis,
         "Measured minus predicted, before the measurement is used, in units of the sigma of both together. Band: ± 3. "
-        f"Crosses: left out by the gate. What reaches beyond ± {_REACH:g} is drawn at the edge.",
+        f"Crosses: left out by the gate. What reaches beyond ± {_REACH:g} is drawn at the edge."
+        + (" Red: the sensor was distrusted." if found else ""),
     )
     return Section("innovations", "Innovations", figures=[figure]) if figure else None
 

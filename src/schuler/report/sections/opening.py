@@ -8,7 +8,9 @@ import re
 import numpy as np
 
 from schuler.judging.consistency import chi2_quantile
+from schuler.judging.words import consistency_words
 from schuler.report.parts import NONE, Opening, Tile, metres, number, plural, seconds
+from schuler.report.sections.consistency import doubts, title_of
 from schuler.report.view import Dive, View
 
 _UNITS = r"(\d) (?=(?:%|m|km|s|min|h|days|deg|sigma)\b|%)"  # a figure and its unit stay on one line
@@ -17,6 +19,9 @@ _RARE = 0.01  # a verdict of "not consistent" is wrong once in a hundred honest 
 
 def aided(view: View) -> Opening:
     verdict, tone, tiles = _judged(view)
+    wrong, doubted = _beware(view)
+    verdict = " ".join([verdict, *wrong, *doubted])
+    tone = "warn" if wrong else tone
     what = {"auv": "AUV", "aided": "aided inertial", "planar": "planar"}.get(view.kind, view.kind)
     parts = [f"{what} navigation" if what else "navigation"]
     if view.method:
@@ -25,6 +30,17 @@ def aided(view: View) -> Opening:
     if (seed := view.result.made_by.get("seed")) is not None and view.simulated:
         parts[-1] += f", seed {seed}"
     return Opening(view.name, " · ".join(parts), re.sub(_UNITS, "\\1\u00a0", verdict), tone, tiles)
+
+
+def _beware(view: View) -> tuple[list[str], list[str]]:
+    """Sentences on sigmas that are not true, and on sensors that were distrusted; the chapters say more."""
+    said = [s.split(";")[0] for s in consistency_words(view.summary.get("consistency") or {})][:2]
+    long: dict[str, float] = {}
+    for entry in doubts(view):
+        name = title_of(str(entry["sensor"]))
+        long[name] = long.get(name, 0.0) + float(entry["end_s"]) - float(entry["start_s"])
+    doubted = [f"{name} was distrusted for {seconds(time)}." for name, time in long.items() if time > 0.0]
+    return [f"{s[0].upper()}{s[1:]}." for s in said], doubted
 
 
 def _without(view: View) -> str:

@@ -23,7 +23,7 @@ _STATISTICS = (("rms", "rms"), ("p95", "95 %"), ("max", "max"), ("end", "end"))
 
 
 def figures_table(view: View) -> Section | None:
-    grids = [g for g in (_errors(view), _outages(view), _sweep(view)) if g is not None]
+    grids = [g for g in (_errors(view), _outages(view)) if g is not None]
     return Section("figures", "Table of figures", grids=grids) if grids else None
 
 
@@ -49,6 +49,8 @@ def _outages(view: View) -> Grid | None:
                 f"{number(o.get('start_s'), 5)} … {number(o.get('end_s'), 5)} s",
                 metres(_float(o.get("horizontal_end_m"))),
                 metres(_float(o.get("horizontal_max_m"))),
+                number(o.get("percent_of_distance"), 2),
+                metres(_float(o.get("sigma_end_m"))),
                 f"{number(o.get('heading_end_deg'), 2)} deg" if o.get("heading_end_deg") is not None else number(None),
                 number(o.get("nees_half_end"), 2),
                 metres(_float(o.get("smoother_horizontal_max_m"))),
@@ -59,30 +61,13 @@ def _outages(view: View) -> Grid | None:
         "when",
         "error at the end",
         "largest",
+        "% of distance",
+        "1 sigma at the end",
         "heading at the end",
         "NEES/2 at the end",
         "smoothed, largest",
     ]
     return Grid(head, rows, "Outages of the study.") if rows else None
-
-
-def _sweep(view: View) -> Grid | None:
-    rows = []
-    for s in view.summary.get("sweep") or []:
-        end, smooth = s.get("filter_end_m") or {}, s.get("smoother_max_m") or {}
-        rows.append(
-            [
-                seconds(_float(s.get("length_s"))),
-                number(s.get("windows")),
-                metres(_float(end.get("p50"))),
-                metres(_float(end.get("p95"))),
-                metres(_float(smooth.get("p50"))),
-                metres(_float(smooth.get("p95"))),
-                number(s.get("nees_half"), 2),
-            ]
-        )
-    head = ["outage", "windows", "filter, median end", "95 %", "smoothed, median of the largest", "95 %", "NEES/2"]
-    return Grid(head, rows, "An outage slid over the whole recording.") if rows else None
 
 
 def _float(value: Any) -> float | None:

@@ -54,7 +54,8 @@ class Innovations:
     """Innovations of one kind of measurement ("gnss_position", "gnss_velocity", "speed", "depth", "magnetometer", ...).
 
     time (m,) s; value (m, d) measured minus predicted; std (m, d) root of the diagonal of S; nis (m,) y' S^-1 y (d
-    degrees of freedom); used (m,) bool, False where the gate left the measurement out; component names and SI unit.
+    degrees of freedom); used (m,) bool, False where the gate left the measurement out; weight (m,) 1 in full, below
+    1 weakened, 0 refused, None where the kind does not say; component names and SI unit.
     """
 
     kind: str
@@ -65,6 +66,7 @@ class Innovations:
     std: Array
     nis: Array
     used: NDArray[np.bool_]
+    weight: Array | None = None
 
 
 @dataclass

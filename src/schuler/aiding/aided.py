@@ -13,16 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.aiding.aided_engine import SMOOTHER_BYTES, Engine, Kept, max_nodes, node_bytes, room, rows_out
+from schuler.aiding.aided_lag import stamp_lag, velocity_lag
 from schuler.aiding.aided_rows import Events, events_of, imu_rows, sensors_present, slow_sigma
 from schuler.aiding.aided_sensors import Sensor, merged, take_own
 from schuler.aiding.aided_settings import AidedSettings, Layout, Start, chosen, layout_of
-from schuler.aiding.aided_start import find_start, stamp_lag
+from schuler.aiding.aided_start import find_start
 from schuler.aiding.aided_still import standing
 from schuler.aiding.solution import Innovations, Navigation, Solution, StateHistory
 from schuler.ground.errors import InputError
 from schuler.ground.tables import Table, Tables
 
-__all__ = ["AidedSettings", "Sensor", "Start", "navigate"]
+__all__ = ["AidedSettings", "Sensor", "Start", "navigate", "settled"]
 
 Array = NDArray[np.float64]
 XYZ = ("x", "y", "z")
@@ -70,18 +71,9 @@ def navigate(tables: Tables, settings: AidedSettings, sensors: Sequence[Sensor] 
     if len(rows) < 10:
         raise InputError(f"the imu table holds {len(rows)} rows; nothing can be navigated with so few")
     gnss = tables.get("gnss")
-    settings = replace(settings, gnss_correlated_std=slow_sigma(gnss, settings))
-    notes: list[str] = []
-    lag = stamp_lag(rows, gnss) if settings.estimate is None else None
-    delayed = lag is not None and abs(lag[0] - settings.gnss_delay) > max(0.02, 4.0 * lag[1])
-    if delayed and lag is not None:
-        notes.append(
-            f"the fixes lag the IMU by {lag[0]:.3f} s (1 sigma {lag[1]:.3f} s, from turns): their delays are estimated"
-        )
-    names = chosen(settings, sensors_present(tables), delayed=delayed)
-    if "gnss_bias" not in names:
-        settings = replace(settings, gnss_correlated_std=0.0)
-    layout = layout_of(settings, names)
+    settings, notes = settled(tables, settings)
+    assert settings.estimate is not None
+    layout = layout_of(settings, settings.estimate)
     events = events_of(tables, settings)
     notes += events.notes
     events = merged(events, sensors)
@@ -123,6 +115,39 @@ def navigate(tables: Tables, settings: AidedSettings, sensors: Sequence[Sensor] 
     if done < len(events):
         notes.append(f"{len(events) - done} measurements after the last imu row were left out")
     return _navigation(engine, events, sensors, smoother, notes)
+
+
+def settled(tables: Tables, settings: AidedSettings) -> tuple[AidedSettings, list[str]]:
+    """The settings with what the tables say themselves: what is estimated, how large the fixes' slow error can be.
+
+    Settings that name what is estimated come back as they are. A study that withholds fixes settles on all of them
+    first, so that every run of a sweep is the same filter.
+    """
+    if settings.estimate is not None:
+        names = chosen(settings, ())
+        slow = slow_sigma(tables.get("gnss"), settings) if "gnss_bias" in names else 0.0
+        return replace(settings, estimate=names, gnss_correlated_std=slow), []
+    gnss, notes = tables.get("gnss"), []
+    settings = replace(settings, gnss_correlated_std=slow_sigma(gnss, settings))
+    delayed = False
+    if gnss is not None and "imu" in tables:
+        lag, apart = stamp_lag(imu_rows(tables["imu"]), gnss), velocity_lag(gnss)
+        if lag is not None and abs(lag[0] - settings.gnss_delay) > max(0.02, 4.0 * lag[1]):
+            delayed = True
+            notes.append(
+                f"the fixes lag the IMU by {lag[0]:.3f} s (1 sigma {lag[1]:.3f} s, from turns): both delays "
+                "are estimated"
+            )
+        if apart is not None and abs(apart[0]) > max(0.02, 4.0 * apart[1]):
+            delayed = True
+            notes.append(
+                f"the receiver's velocity lags its position by {apart[0]:.3f} s (1 sigma {apart[1]:.3f} s): both "
+                "delays are estimated"
+            )
+    names = chosen(settings, sensors_present(tables), delayed=delayed)
+    if "gnss_bias" not in names:
+        settings = replace(settings, gnss_correlated_std=0.0)
+    return replace(settings, estimate=names), notes
 
 
 def _standing(rows: Array, gnss: Table | None, s: AidedSettings) -> NDArray[np.bool_]:

@@ -114,9 +114,7 @@ def events_of(tables: Tables, s: AidedSettings) -> Events:
         ]
         up = g["height"].astype(float) if "height" in g else np.full(len(g), nan)
         add(k.POSITION, g, [g["lat"], g["lon"], up, *std], np.isfinite(g["lat"]) & np.isfinite(g["lon"]))
-        vstd = [
-            _sigma(g, f"std_v_{a}", d) for a, d in zip(("north", "east", "down"), s.gnss_velocity_std, strict=True)
-        ]
+        vstd = [_sigma(g, f"std_v_{a}", d) for a, d in zip(("north", "east", "down"), s.gnss_velocity_std, strict=True)]
         if "v_north" in g and "v_east" in g:
             down = g["v_down"].astype(float) if "v_down" in g else np.full(len(g), nan)
             good = np.isfinite(g["v_north"]) & np.isfinite(g["v_east"])
@@ -130,9 +128,9 @@ def events_of(tables: Tables, s: AidedSettings) -> Events:
         add(k.SPEED, v, [speed, nan, nan, _sigma(v, "std_speed", s.speed_std)], np.isfinite(speed))
     if "dvl" in tables:
         d = tables["dvl"]
-        std = [_sigma(d, f"std_v_{a}", s.dvl_std) for a in "xyz"]
+        std_d = [_sigma(d, f"std_v_{a}", s.dvl_std) for a in "xyz"]
         z = [d["v_x"], d["v_y"], d["v_z"]]
-        add(k.BOTTOM_TRACK, d, [*z, *std], np.isfinite(np.column_stack(z)).all(axis=1))
+        add(k.BOTTOM_TRACK, d, [*z, *std_d], np.isfinite(np.column_stack(z)).all(axis=1))
     if "depth" in tables:
         d = tables["depth"]
         add(k.DEPTH, d, [d["depth"], nan, nan, _sigma(d, "std_depth", s.depth_std)], np.isfinite(d["depth"]))

@@ -1,12 +1,12 @@
 """Sensors of the user's own: a function from the state to what the sensor would read, and its Jacobian.
 
-    def measure(state, z):                                   # a radar altimeter over flat sea
-        H = np.zeros((1, state.n))
-        H[0, state.at("position")][2] = -1.0                 # d(height)/d(down error)
-        return [state.height], H
+def measure(state, z):                                   # a radar altimeter over flat sea
+    H = np.zeros((1, state.n))
+    H[0, state.at("position")][2] = -1.0                 # d(height)/d(down error)
+    return [state.height], H
 
-    radar = Sensor("radar", ("up",), "m", time, heights, sigma, measure)
-    navigate(tables, settings, sensors=[radar])
+radar = Sensor("radar", ("up",), "m", time, heights, sigma, measure)
+navigate(tables, settings, sensors=[radar])
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ _PLACES = {"attitude": 0, "velocity": 3, "position": 6}
 class State:
     """The filter's present state, to read only, and where its errors lie in H.
 
-    time s; C_nb (3, 3); v_n (3,) m/s NED; lat, lon rad; height m; w_b (3,) rad/s, a_n (3,) m/s^2; n: length of the error
-    state. Errors are estimate - truth: phi (rad, n frame, C_hat = (I - [phi x]) C), velocity and position NED.
+    time s; C_nb (3, 3); v_n (3,) m/s NED; lat, lon rad; height m; w_b (3,) rad/s, a_n (3,) m/s^2; n: length of the
+    error state. Errors are estimate - truth: phi (rad, n frame, C_hat = (I - [phi x]) C), velocity and position NED.
     """
 
     def __init__(self, engine: Engine) -> None:
@@ -49,7 +49,7 @@ class State:
         self.w_b, self.a_n = x[k.W : k.W + 3].copy(), x[k.ACC : k.ACC + 3].copy()
 
     def at(self, name: str) -> slice:
-        """Columns of H for "attitude", "velocity", "position" or a parameter that is estimated ("gyro_bias", "user")."""
+        """Columns of H for "attitude", "velocity", "position" or a parameter that is estimated ("gyro_bias", ...)."""
         if name in _PLACES:
             return slice(_PLACES[name], _PLACES[name] + 3)
         slot, size = _slot(name)
@@ -94,8 +94,8 @@ class Sensor:
     """A sensor of the caller's own. time (m,) s; z (m, d) or (m,) what it read; sigma one number, (d,) or (m, d).
 
     measure(state, z row) returns the predicted reading (d,) and H (d, n), its derivative with respect to the errors
-    (d up to 3). angle: readings are angles in rad, and differences are wrapped. It may have up to four states of its own
-    (`AidedSettings.user_std`), `state.value("user")` and `state.at("user")`.
+    (d up to 3). angle: readings are angles in rad, and differences are wrapped. It may have up to four states of its
+    own (`AidedSettings.user_std`), `state.value("user")` and `state.at("user")`.
     """
 
     name: str
@@ -155,8 +155,8 @@ def update(engine: Engine, sensor: Sensor, z: Array, sigma: Array) -> Array:
     d = len(z)
     if not 1 <= d <= 3 or H.shape != (d, engine.layout.n) or r.shape != (d,):
         raise InputError(
-            f"sensor {sensor.name}: measure gave a prediction of shape {r.shape} and H of {H.shape} for a reading of {d}; "
-            f"expected ({d},) and ({d}, {engine.layout.n}), with 1 to 3 components"
+            f"sensor {sensor.name}: measure gave a prediction of shape {r.shape} and H of {H.shape} for a reading "
+            f"of {d}; expected ({d},) and ({d}, {engine.layout.n}), with 1 to 3 components"
         )
     if not (np.isfinite(r).all() and np.isfinite(H).all()):
         raise InputError(f"sensor {sensor.name}: measure gave NaN or infinity")

@@ -1,4 +1,4 @@
-"""What the aided INS is told about vehicle and sensors (SI, radians), and which errors it estimates beside the track."""
+"""What the aided INS is told about vehicle and sensors (SI, radians), and what it estimates beside the track."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class AidedSettings:
     nhc_slip: float = 0.002  # s^2/m: side slip of a tyre, per lateral acceleration
     nhc_interval: float = 0.1
     zupt_std: float = 0.05
-    zaru_std: float = 0.003
+    zaru_std: float = 0.01
     still_interval: float = 0.2
     # how the filter works
     estimate: tuple[str, ...] | None = None
@@ -144,7 +144,7 @@ def chosen(s: AidedSettings, present: Iterable[str], *, delayed: bool = False) -
     if s.estimate is not None:
         unknown = [name for name in s.estimate if name not in ESTIMATES]
         if unknown:
-            raise InputError(f'estimate: there is no {", ".join(unknown)}; there are {", ".join(ESTIMATES)}')
+            raise InputError(f"estimate: there is no {', '.join(unknown)}; there are {', '.join(ESTIMATES)}")
         names = set(s.estimate)
     else:
         names = set(ALWAYS)

@@ -1,4 +1,4 @@
-"""Where the aided filter begins: what is typed, else still alignment, compass, course, or competing headings in motion."""
+"""Where the aided filter begins: as typed, else still alignment, compass, course, or competing headings in motion."""
 
 from __future__ import annotations
 
@@ -138,17 +138,22 @@ class _Places:
             )
             for k, value in enumerate((lat, lon, height)):
                 place[k] = float(value) if place[k] is None else place[k]
-            sigma = np.array([_told(self.gnss, f"std_{a}", i, d) for a, d in zip("north east down".split(), s.gnss_std)])
+            sigma = np.array(
+                [_told(self.gnss, f"std_{a}", i, d) for a, d in zip(("north", "east", "down"), s.gnss_std, strict=True)]
+            )
             sigma = np.hypot(sigma, s.gnss_correlated_std * np.array([1.0, 1.0, 1.5]))
             sigma = np.hypot(sigma, 2.0 * age + (abs(s.gnss_delay_std) * float(np.linalg.norm(fixed_v))))
             std = np.where(np.isfinite(std), std, sigma)
             for k in range(3):
                 v[k] = float(fixed_v[k]) if v[k] is None else v[k]
-            vsig = np.full(3, 0.3) if self.told[i] or standing else np.full(3, 1.0 + 0.2 * float(np.linalg.norm(fixed_v)))
+            vsig = (
+                np.full(3, 0.3) if self.told[i] or standing else np.full(3, 1.0 + 0.2 * float(np.linalg.norm(fixed_v)))
+            )
             vstd = np.where(np.isfinite(vstd), vstd, vsig + 2.0 * age)
         if place[0] is None or place[1] is None:
             raise InputError(
-                "the position at the start is not known: type [start] lat_deg, lon_deg and height_m, or name a gnss table"
+                "the position at the start is not known: type [start] lat_deg, lon_deg and height_m, or name a gnss "
+                "table"
             )
         typed_v = any(x is not None for x in start.v_n)
         std = np.where(np.isfinite(std), std, np.array([1.0, 1.0, 2.0]))
@@ -317,12 +322,12 @@ def _compass(
             i = int(at[0])
             C = _attitude_of(_mean_force(rows, float(imu.time[i]), 0.5), np.zeros(3), 0.0)
             b_n = C @ b[max(0, i - 5) : i + 1][good[max(0, i - 5) : i + 1]].mean(axis=0)
-            heading = float(wrap_pi(s.declination - math.atan2(b_n[1], b_n[0])))
+            north = float(wrap_pi(s.declination - math.atan2(b_n[1], b_n[0])))
             # a level in error by a degree turns the field's azimuth by the tangent of its dip
             dip = abs(b_n[2]) / max(math.hypot(b_n[0], b_n[1]), 1e-12)
             std = math.hypot(math.hypot(s.mag_std, s.heading_offset_std), MOVING_STD * min(dip, 5.0))
             if std < 0.6:
-                return float(imu.time[i]), heading, std, None
+                return float(imu.time[i]), north, std, None
     return None
 
 
@@ -412,9 +417,7 @@ def _at_course(rows: Array, s: AidedSettings, place: _Places, stretch: _Stretch 
             from_force = True
     # The level's own heading axis: pitch and roll errors stand in n
     note = f"navigation begins at {time:.2f} s, heading {math.degrees(course) % 360.0:.1f} deg from the course"
-    return _state(
-        time, C, place, np.array([sd, sd, std]), bias, bias_std, from_force=from_force, notes=[note]
-    )
+    return _state(time, C, place, np.array([sd, sd, std]), bias, bias_std, from_force=from_force, notes=[note])
 
 
 def _in_motion(
@@ -480,7 +483,8 @@ def _in_motion(
     if sigmas[best] > 1.0 or not np.isfinite(cost_[best]):
         raise InputError(
             f"the heading could not be found from the motion within {until - first:.0f} s (1 sigma "
-            f"{math.degrees(sigmas[best]):.0f} deg): it takes accelerations that the fixes see; type [start] heading_deg, "
+            f"{math.degrees(sigmas[best]):.0f} deg): it takes accelerations that the fixes see; type [start] "
+            "heading_deg, "
             'or constraints = ["nhc"] for a vehicle that follows its nose'
         )
     from schuler.kernels import aided_state as k
@@ -523,58 +527,3 @@ def _cost(engine: Engine) -> tuple[float, float, float]:
     q = engine.x[k.QUAT : k.QUAT + 4]
     heading = euler_from_quat(q[0], q[1], q[2], q[3])[2]
     return cost, float(heading), math.sqrt(max(float(engine.P[2, 2]), 0.0))
-
-
-def stamp_lag(rows: Array, gnss: Table | None) -> tuple[float, float] | None:
-    """(lag, 1 sigma) s of the fixes' stamps behind the IMU's, from turns: heading by gyros against the course.
-
-    Positive: a fix stamped t belongs to t - lag. None where there is too little turning at speed to tell.
-    """
-    if gnss is None or "v_north" not in gnss or len(gnss) < 20:
-        return None
-    v = np.column_stack([gnss["v_north"], gnss["v_east"]])
-    speed = np.hypot(v[:, 0], v[:, 1])
-    with np.errstate(invalid="ignore"):
-        fast = np.isfinite(speed) & (speed > 4.0)
-    if fast.sum() < 20:
-        return None
-    t, dt = rows[:, 0], np.diff(rows[:, 0], prepend=rows[0, 0])
-    width = max(1, round(2.0 / float(np.median(dt[1:]))))
-    total = np.cumsum(np.vstack([np.zeros(3), rows[:, 4:7]]), axis=0)
-    last = np.arange(1, len(rows) + 1)
-    first = np.maximum(last - width, 0)
-    mean = (total[last] - total[first]) / (last - first)[:, None]
-    down = -mean / np.linalg.norm(mean, axis=1, keepdims=True)
-    yaw = np.cumsum((rows[:, 1:4] * down).sum(axis=1) * dt)
-    return _lag(t, yaw, gnss.time[fast], np.arctan2(v[fast, 1], v[fast, 0]))
-
-
-def _lag(t: Array, yaw: Array, when: Array, course: Array) -> tuple[float, float] | None:
-    """Least squares over one-to-three-second changes of course against changes of gyro heading, by lag."""
-    i = np.arange(len(when) - 1)
-    step = np.diff(when)
-    good = (step > 0.05) & (step < 1.6) & (when[:-1] > t[0] + 1.5) & (when[1:] < t[-1] - 1.5)
-    i = i[good]
-    if len(i) < 20:
-        return None
-    dc = wrap_pi(course[i + 1] - course[i]) / step[i]
-    lags = np.arange(-0.6, 1.2001, 0.02)
-    loss = np.empty(len(lags))
-    for k, lag in enumerate(lags):
-        dy = (np.interp(when[i + 1] - lag, t, yaw) - np.interp(when[i] - lag, t, yaw)) / step[i]
-        e = dc - dy
-        e = e - np.median(e)
-        loss[k] = float(np.mean(np.minimum(np.abs(e), 0.3) ** 2))
-    best = int(np.argmin(loss))
-    if best in (0, len(lags) - 1):
-        return None
-    a, b, c = loss[best - 1], loss[best], loss[best + 1]
-    curve = a - 2.0 * b + c
-    if curve <= 0.0:
-        return None
-    lag = lags[best] + 0.02 * 0.5 * (a - c) / curve
-    # loss = loss0 + 0.5 curve/h^2 (lag - best)^2 n ... : Fisher information of n residuals with variance loss
-    sigma = math.sqrt(2.0 * b / (len(i) * curve / 0.02**2))
-    rate = 1.0 / float(np.median(step[i]))
-    sigma *= math.sqrt(max(1.0, rate))  # neighbouring courses err together
-    return float(lag), float(sigma)

@@ -164,7 +164,9 @@ SCHEMAS: dict[str, Schema] = {
     s.name: s
     for s in (
         _schema("imu", "time[s]", "mag_x[uT] mag_y[uT] mag_z[uT] temperature[degC]", f"{_RATES} | {_INCREMENTS}"),
-        _schema("gnss", "time[s]", f"height[m] {_STD_PLACE} {_VELOCITY} {_STD_VELOCITY}", _PLACE),
+        _schema(
+            "gnss", "time[s]", f"height[m] {_STD_PLACE} {_VELOCITY} {_STD_VELOCITY} course[deg] speed[m/s]", _PLACE
+        ),
         _schema("speed", "time[s]", "dheading[rad] std_speed[m/s]", "speed[m/s] | ddist[m]"),
         _schema("dvl", "time[s] v_x[m/s] v_y[m/s] v_z[m/s]", "std_v_x[m/s] std_v_y[m/s] std_v_z[m/s]"),
         _schema("depth", "time[s] depth[m]", "std_depth[m]"),

@@ -22,6 +22,7 @@ from .aided_state import (
     DECL,
     DISP,
     DM,
+    DR,
     DV,
     DVI,
     DVL,
@@ -52,7 +53,6 @@ from .aided_state import (
     TS,
     TV,
     VEL,
-    DR,
     T,
     W,
     mounting,
@@ -176,7 +176,6 @@ def position(x, ie, look, z, rows, H, r):
 @njit(cache=True, error_model="numpy")
 def velocity(x, ie, look, z, H, r):
     """GNSS velocity of the antenna over ground, NED m/s: three rows."""
-    tau = x[PAR + TV]
     c00, c01, c02, c10, c11, c12, c20, c21, c22 = dcm_from_quat(look[6], look[7], look[8], look[9])
     l0, l1, l2 = x[PAR + ANT], x[PAR + ANT + 1], x[PAR + ANT + 2]
     w0, w1, w2 = look[10], look[11], look[12]
@@ -266,7 +265,7 @@ def mount_slopes(x, b0, b1, b2, D):
     sr, cr, sp, cp, sy, cy = math.sin(r), math.cos(r), math.sin(p), math.cos(p), math.sin(y), math.cos(y)
     # after roll: e; after pitch: g
     e0, e1, e2 = b0, cr * b1 - sr * b2, sr * b1 + cr * b2
-    g0, g1, g2 = cp * e0 + sp * e2, e1, -sp * e0 + cp * e2
+    g0, g1 = cp * e0 + sp * e2, e1
     d1, d2 = -sr * b1 - cr * b2, cr * b1 - sr * b2  # d(e1, e2)/d(roll)
     D[0, 0], D[1, 0], D[2, 0] = cy * sp * d2 - sy * d1, sy * sp * d2 + cy * d1, cp * d2
     q0, q2 = -sp * e0 + cp * e2, -cp * e0 - sp * e2  # d(g0, g2)/d(pitch)

@@ -49,6 +49,7 @@ from .aided_state import (
     VEL,
     VRW2,
     WIN,
+    WMEAN,
     WRAW,
     WSLOPE,
     F,
@@ -107,7 +108,7 @@ def accel_inverse(x):
 
 @njit(cache=True, error_model="numpy")
 def begin_row(x, c, t1, wx, wy, wz, fx, fy, fz):
-    """A new row that covers (last row, t1]: its slopes from the row before, as measured. Returns 1 where it is a gap."""
+    """A new row that covers (last row, t1]: its slopes from the row before, as measured. Tells a gap."""
     dt = t1 - x[TROW]
     gap = dt > c[GAP_S]
     fresh = x[ROWS] < 0.5 or gap or x[DTRAW] <= 0.0
@@ -120,6 +121,10 @@ def begin_row(x, c, t1, wx, wy, wz, fx, fy, fz):
     x[FSLOPE + 2] = k * (fz - x[FRAW + 2])
     x[WRAW], x[WRAW + 1], x[WRAW + 2] = wx, wy, wz
     x[FRAW], x[FRAW + 1], x[FRAW + 2] = fx, fy, fz
+    a = 1.0 if fresh else min(1.0, dt / ACC_TAU)
+    x[WMEAN] += a * (wx - x[WMEAN])
+    x[WMEAN + 1] += a * (wy - x[WMEAN + 1])
+    x[WMEAN + 2] += a * (wz - x[WMEAN + 2])
     x[DTRAW] = -dt if gap else dt  # below zero: the length of a gap
     return gap
 
@@ -419,7 +424,9 @@ def _scale_columns(
                 row, column = a, a
             elif kind == 1:
                 row = a // 2
-                column = (1 if a == 0 else 2) if row == 0 else (0 if a == 2 else 2) if row == 1 else (0 if a == 4 else 1)
+                column = (
+                    (1 if a == 0 else 2) if row == 0 else (0 if a == 2 else 2) if row == 1 else (0 if a == 4 else 1)
+                )
             else:
                 row, column = (0, 1) if a == 0 else (0, 2) if a == 1 else (1, 2)
             j = b + a

@@ -72,11 +72,11 @@ from .aided_state import (
     TSTILL,
     TV,
     VEL,
+    WMEAN,
     ZARU,
     ZUPT,
     T,
     W,
-    WRAW,
     correct,
 )
 from .aided_update import INNOVATION, take
@@ -207,7 +207,7 @@ def vehicle_constraints(x, P, ie, c, dx, ring, still, H, r, R, inner_t, inner_k,
             R[0] = R[1] = R[2] = c[ZUPT] * c[ZUPT]
             kind, m = STANDING_V, 3
         elif k == 1:
-            standing_rate(x, ie, x[WRAW], x[WRAW + 1], x[WRAW + 2], H, r)
+            standing_rate(x, ie, x[WMEAN], x[WMEAN + 1], x[WMEAN + 2], H, r)
             R[0] = R[1] = R[2] = c[ZARU] * c[ZARU]
             kind, m = STANDING_W, 3
         else:
@@ -277,7 +277,7 @@ def close_node(x, P, dx, S, nodes, nt, ustd, n):
 
 @njit(cache=True, error_model="numpy")
 def emit(x, P, ie, dx, ox, opos, ovel, oatt, i):
-    """Row i of the solution: nominal state less the open-loop error, time; covariances of position, velocity, angles."""
+    """Row i of the solution: nominal state less the open-loop error, time; and the three covariances."""
     y = x.copy()
     correct(y, ie, dx)
     for j in range(NOMINAL):
@@ -330,9 +330,9 @@ def run(
 
     Returns 1 where the measurement n[MEAS] is the caller's to make (kind >= USER): the node is open then, the caller
     updates, adds one to n[MEAS] and calls again with inside = True.
-    rows (k, 7): time, rate, force; still (k,) bool; measurements sorted by time: mt, mk, mz (m, ZW). out_dt: at least so
-    far apart (0: every row). Outputs: ox.. rows; innov (m, 2, INNOVATION); inner_t, inner_k, inner: constraints; nodes =
-    (x-, P-, x+, P+, transition, dx-, dx+), nt, ustd per node as far as their lengths reach.
+    rows (k, 7): time, rate, force; still (k,) bool; measurements sorted by time: mt, mk, mz (m, ZW). out_dt: rows of
+    the solution at least so far apart (0: every row). Outputs: ox.. rows; innov (m, 2, INNOVATION); inner_t, inner_k,
+    inner: constraints; nodes = (x-, P-, x+, P+, transition, dx-, dx+), nt, ustd per node as far as their lengths reach.
     """
     last = rows.shape[0]
     m = mt.shape[0]

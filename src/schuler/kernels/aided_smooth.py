@@ -12,9 +12,9 @@ import math
 import numpy as np
 from numba import njit
 
+from .aided_propagate import refresh_earth
 from .aided_run import covariances
 from .aided_state import NAV, NOMINAL, NX, correct, difference
-from .aided_propagate import refresh_earth
 
 TINY = 1e-10
 

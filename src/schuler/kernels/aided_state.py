@@ -1,7 +1,7 @@
 """The aided INS filter's state as flat arrays: where everything lies, how an error is taken out, how two states differ.
 
-One vector x holds the nominal state and the bookkeeping, so that a filter is saved and resumed as bytes. The error state
-has n elements: phi (3, n frame, rad), dv (3, NED m/s), dr (3, NED m), and then the parameters that are estimated, in
+One vector x holds the nominal state and the bookkeeping, so that a filter is saved and resumed as bytes. The error
+state has n elements: phi (3, n frame, rad), dv (3, NED m/s), dr (3, NED m), and then the parameters that are estimated, in
 the order of their slots; error = estimate - truth, C_hat = (I - [phi x]) C. `ie[slot]` is the place of a parameter in
 the error state, or -1: then the parameter keeps its value (a lever arm that is known, say).
 """
@@ -16,19 +16,24 @@ from .rotation import quat_product, rotate_state_quat, rotvec_from_quat, wrap_pi
 
 # --- nominal state (x) -------------------------------------------------------------------------------------------
 QUAT, VEL, LAT, LON, HGT, PAR = 0, 4, 7, 8, 9, 10
-# --- parameters: slot s lies in x[PAR + s] and, where it is estimated, in the error state at ie[s] ---------------------
+# --- parameters: slot s lies in x[PAR + s] and, where it is estimated, in the error state at ie[s] -------------------
 BG, BA, SG, SA = 0, 3, 6, 9  # biases and scales of gyros and accelerometers (3 each)
 MG, MA = 12, 18  # misalignments: gyro xy xz yx yz zx zy, accelerometer xy xz yz
 MNT = 21  # roll, pitch, yaw from b to the vehicle's own axes: v_vehicle = Rz Ry Rx v_b
 ANT, DVL, SPD = 24, 27, 30  # arms from the IMU in b
 TG, TV, TD, TS = 33, 34, 35, 36  # delays of fix, GNSS velocity, DVL, speed: a row stamped t belongs to t - delay
-KS, CUR, GB, HB, DB = 37, 38, 40, 43, 44  # log of speed scale, water or air velocity N E, fix error NED, height, depth zero
+KS, CUR, GB, HB, DB = 37, 38, 40, 43, 44  # log of speed scale, current N E, fix error NED, height offset, depth zero
 KD, DM, HO, MB = 45, 46, 49, 50  # DVL scale, DVL misalignment, heading offset, magnetometer bias
 KR, RB, USER = 53, 54, 55  # log of range scale, range bias, four for sensors of the user's own
 SLOTS = 59
 NOMINAL = PAR + SLOTS
 # --- bookkeeping (x) ---------------------------------------------------------------------------------------------
-T, TROW, TNODE, TQ = NOMINAL, NOMINAL + 1, NOMINAL + 2, NOMINAL + 3  # present, last row, last node; dt of decay and noise
+T, TROW, TNODE, TQ = (
+    NOMINAL,
+    NOMINAL + 1,
+    NOMINAL + 2,
+    NOMINAL + 3,
+)  # present, last row, last node; dt of decay and noise
 W, F = NOMINAL + 4, NOMINAL + 7  # corrected rate of b against i and specific force, of the last interval, in b
 ACC = NOMINAL + 10  # acceleration in n, the mean of the last tenths of a second
 WIN = NOMINAL + 13  # w_in (3), then radii + height, gravity, cos(lat)
@@ -39,12 +44,17 @@ ROWS, HEAD = NOMINAL + 33, NOMINAL + 34  # rows seen; where the ring of past sta
 DISP, DVI = NOMINAL + 35, NOMINAL + 38  # integrals of velocity and of acceleration since the start (3 each, NED)
 TNHC, TSTILL = NOMINAL + 41, NOMINAL + 42  # last vehicle constraint, last zero velocity
 STILL_S = NOMINAL + 43  # how long the vehicle has stood
-BADH, BADV, BADS = NOMINAL + 44, NOMINAL + 45, NOMINAL + 46  # since when fixes (level, height), GNSS velocity are refused
+BADH, BADV, BADS = (
+    NOMINAL + 44,
+    NOMINAL + 45,
+    NOMINAL + 46,
+)  # since when fixes (level, height), GNSS velocity are refused
 TOLD = NOMINAL + 47  # last fix that was believed
 COUNTH = NOMINAL + 48  # fixes refused in a row
 HARD = NOMINAL + 49  # wild measurements in a row, of each kind (kernels.aided_measure)
 NEXT = NOMINAL + 69  # when the next row of the solution is due
-NX = NOMINAL + 70
+WMEAN = NOMINAL + 70  # mean measured rate of the last tenths of a second
+NX = NOMINAL + 73
 KEPT = NOMINAL + 20  # what a node keeps of x: the nominal state and the Earth at it
 
 PHI, DV, DR, NAV = 0, 3, 6, 9  # error state

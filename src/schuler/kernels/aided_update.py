@@ -1,7 +1,7 @@
 """How the aided INS filter takes a measurement in: gates that cannot lock out, robust weights, scalar Joseph updates.
 
-Large innovations are not all alike. A little too large (up to HARD_RATIO times the 99.9 % bound): taken with its variance
-grown until it lies on the bound, so that its pull is bounded. Wildly large: refused, but only for a time; a fix that
+Large innovations are not all alike. A little too large (up to HARD_RATIO times the 99.9 % bound): taken with its
+variance grown until it lies on the bound, so that its pull is bounded. Wildly large: refused, but only for a time; a fix that
 contradicts the filter for longer is believed, with the filter's own position made uncertain first.
 """
 
@@ -12,8 +12,8 @@ import math
 import numpy as np
 from numba import njit
 
-from .aided_state import DISTRUST_S, DR, DV, EARLY_S, GATE, HARD, OPEN_LOOP, T0, VEL, T, correct
 from .aided_measure import VELOCITY
+from .aided_state import DISTRUST_S, DR, DV, EARLY_S, GATE, HARD, OPEN_LOOP, T0, T, correct
 
 LIMIT1, LIMIT2, LIMIT3 = 10.83, 13.82, 16.27  # chi-square 99.9 % of 1, 2, 3 degrees of freedom
 HARD_RATIO = 25.0  # five times the bound of an innovation
@@ -64,7 +64,7 @@ def nis_of(S, y, m):
 
 @njit(cache=True, error_model="numpy")
 def scalar_update(P, d, h, r, R):
-    """One scalar r = h error + noise: adds to the error estimate d, updates P (symmetric, the optimal gain's Joseph form)."""
+    """One scalar r = h error + noise: adds to the error estimate d and updates P (Joseph form of the optimal gain)."""
     n = P.shape[0]
     ph = np.zeros(n)
     for j in range(n):

@@ -115,6 +115,10 @@ Estimate = Literal[
     "speed_lever",
     "speed_delay",
     "height_bias",
+    "depth_bias",
+    "wind",
+    "range_scale",
+    "range_bias",
 ]
 Sensor = Literal[
     "gnss",
@@ -257,6 +261,19 @@ class NoiseSection(Section):
     wave_period_s: float = key(5.0, "their period", "s", gt=0)
     current_mps: float = key(0.3, "water current, each axis, prior", "m/s", ge=0)
     current_walk_mps_per_sqrt_h: float = key(0.06, "how fast the current changes", "m/s/sqrt(h)", ge=0)
+    delay_s: float = key(0.1, "delay of a sensor's stamps that is estimated, prior", "s", gt=0, le=5)
+    delay_walk_s_per_sqrt_s: float = key(1e-3, "how fast a delay changes: clocks that drift", "s/sqrt(s)", ge=0)
+    lever_m: float = key(0.3, "an arm that is estimated, each axis, prior", "m", gt=0)
+    mounting_deg: float = key(6.0, "angles between the IMU's axes and the vehicle's, prior", "deg", gt=0, le=45)
+    height_bias_m: float = key(50.0, "offset of a barometric height, prior", "m", ge=0)
+    height_walk_m_per_sqrt_h: float = key(3.0, "how fast that offset drifts", "m/sqrt(h)", ge=0)
+    depth_bias_m: float = key(50.0, "ellipsoidal height of the depth sensor's zero, prior", "m", ge=0)
+    dvl_misalignment_deg: float = key(1.0, "DVL against the IMU, prior", "deg", ge=0)
+    mag_bias_ut: float = key(5.0, "hard iron that is estimated, prior", "uT", gt=0)
+    range_scale_percent: float = key(2.0, "scale of ranges, prior", "%", ge=0)
+    range_bias_m: float = key(0.5, "offset of ranges, prior", "m", ge=0)
+    nhc_mps: Two = key((0.06, 0.1), "slip of a vehicle that does not slip, sideways and down", "m/s")
+    zupt_mps: float = key(0.05, "velocity of a vehicle that stands", "m/s", gt=0)
     drift_mps: float = key(0.3, "drift at the surface while no speed is known, each axis, prior", "m/s", ge=0)
     drift_tau_s: float = key(600.0, "how long one drift lasts", "s", gt=0)
 
@@ -293,6 +310,11 @@ class FilterSection(Section):
     outage_policy: Literal["paper", "drop", "consider"] = key(
         "paper", 'method "paper": what it does without fixes; "consider" also holds for "schuler"'
     )
+    speed_is: Literal["ground", "water", "air"] = key(
+        "ground", 'what a speed table feels; "water" and "air" estimate the current or wind as two states'
+    )
+    loop: Literal["closed", "open"] = key("closed", '"open": errors are kept beside an INS that runs free, for study')
+    distrust_s: float = key(60.0, "so long fixes may contradict the filter wildly before it believes them", "s", ge=0)
     vertical: Literal["free", "held"] = key("free", 'kind "strapdown": "held" keeps height and v_down')
 
 

@@ -141,10 +141,10 @@ def events_of(tables: Tables, s: AidedSettings) -> Events:
         a = tables["attitude"]
         heading = a["heading"] if "heading" in a else a["heading_mag"] + s.declination
         keep = _thinned(a.time, ATTITUDE_HZ) & np.isfinite(a["roll"] + a["pitch"] + heading)
-        std = [_sigma(a, f"std_{n}", d) for n, d in zip(("roll", "pitch", "heading"), s.attitude_std, strict=True)]
+        std_a = [_sigma(a, f"std_{n}", d) for n, d in zip(("roll", "pitch", "heading"), s.attitude_std, strict=True)]
         # An AHRS errs for seconds on end: each row a second counts as the share of an independent one that it is.
         wide = np.sqrt(max(1.0, s.attitude_tau * ATTITUDE_HZ / 3.0))
-        add(k.ATTITUDE, a, [a["roll"], a["pitch"], heading, *(x * wide for x in std)], keep)
+        add(k.ATTITUDE, a, [a["roll"], a["pitch"], heading, *(x * wide for x in std_a)], keep)
     imu = tables.get("imu")
     if imu is not None and all(c in imu for c in MAG):
         field_b = imu.stack(*MAG)

@@ -1,8 +1,8 @@
 """How the aided INS filter takes a measurement in: gates that cannot lock out, robust weights, scalar Joseph updates.
 
 Large innovations are not all alike. A little too large (up to HARD_RATIO times the 99.9 % bound): taken with its
-variance grown until it lies on the bound, so that its pull is bounded. Wildly large: refused, but only for a time; a fix that
-contradicts the filter for longer is believed, with the filter's own position made uncertain first.
+variance grown until it lies on the bound, so that its pull is bounded. Wildly large: refused, but only for a time; a
+fix that contradicts the filter for longer is believed, with the filter's own position made uncertain first.
 """
 
 from __future__ import annotations

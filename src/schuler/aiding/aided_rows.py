@@ -129,8 +129,8 @@ def events_of(tables: Tables, s: AidedSettings) -> Events:
     if "dvl" in tables:
         d = tables["dvl"]
         std_d = [_sigma(d, f"std_v_{a}", s.dvl_std) for a in "xyz"]
-        z = [d["v_x"], d["v_y"], d["v_z"]]
-        add(k.BOTTOM_TRACK, d, [*z, *std_d], np.isfinite(np.column_stack(z)).all(axis=1))
+        v_d = [d["v_x"], d["v_y"], d["v_z"]]
+        add(k.BOTTOM_TRACK, d, [*v_d, *std_d], np.isfinite(np.column_stack(v_d)).all(axis=1))
     if "depth" in tables:
         d = tables["depth"]
         add(k.DEPTH, d, [d["depth"], nan, nan, _sigma(d, "std_depth", s.depth_std)], np.isfinite(d["depth"]))

@@ -1,8 +1,8 @@
 """The aided INS filter's state as flat arrays: where everything lies, how an error is taken out, how two states differ.
 
 One vector x holds the nominal state and the bookkeeping, so that a filter is saved and resumed as bytes. The error
-state has n elements: phi (3, n frame, rad), dv (3, NED m/s), dr (3, NED m), and then the parameters that are
-estimated, in the order of their slots; error = estimate - truth, C_hat = (I - [phi x]) C. `ie[slot]` is the place of a parameter in
+state has n elements: phi (3, n frame, rad), dv (3, NED m/s), dr (3, NED m), then the parameters that are estimated, in
+the order of their slots; error = estimate - truth, C_hat = (I - [phi x]) C. `ie[slot]` is the place of a parameter in
 the error state, or -1: then the parameter keeps its value (a lever arm that is known, say).
 """
 

@@ -1,10 +1,11 @@
 """Three known points seen from one place: every pose that they leave, in closed form, compiled.
 
-With distances l_i along unit directions y_i, |l_i y_i - l_j y_j|^2 = |X_i - X_j|^2 are three quadrics in (l_1, l_2, l_3);
-two homogeneous combinations are conics in the projective plane of l, a degenerate member of their pencil splits into two
-lines, and each line meets a conic in two points: up to four poses. Sources: Haralick, Lee, Ottenberg and Nolle (1994),
-Int. J. Computer Vision 13, for the problem and its history; Richter-Gebert (2011), Perspectives on Projective Geometry,
-section 11, for splitting a conic; Persson and Nordberg (2018), ECCV, for the idea of doing so here.
+With distances l_i along unit directions y_i, |l_i y_i - l_j y_j|^2 = |X_i - X_j|^2 are three quadrics in
+(l_1, l_2, l_3); two homogeneous combinations are conics in the projective plane of l, a degenerate member of their
+pencil splits into two lines, and each line meets a conic in two points: up to four poses. Sources: Haralick, Lee,
+Ottenberg and Nolle (1994), Int. J. Computer Vision 13, for the problem and its history; Richter-Gebert (2011),
+Perspectives on Projective Geometry, section 11, for splitting a conic; Persson and Nordberg (2018), ECCV, for the idea
+of doing so here.
 """
 
 from __future__ import annotations

@@ -317,3 +317,6 @@ def _platform_map() -> Work:
     case = PlatformCase(lat=0.0, drift=(4.8e-8, 0.0, 4.8e-7))
     lat, heading = np.linspace(-1.48, 1.48, 60), np.linspace(0.0, 6.2, 72)
     return lambda: error_map(case, lat, heading, "position-independent")
+
+
+from schuler.studies import bench_optics  # noqa: E402, F401  (its tasks register themselves)

@@ -177,6 +177,7 @@ def stride_of(study: Study, rate: float) -> int:
 def simulate(study: Study, model: ImuModel, seed: int, progress: Progress, made: Trajectory | None = None) -> Run:
     """Truth, measured IMU, navigation, and the same by the linear model, the closed form and without any error."""
     from schuler.inertial import error_dynamics
+    from schuler.inertial.ecef import StrapdownEcef
     from schuler.inertial.strapdown import Start, Strapdown
     from schuler.studies.model import TrajectorySection
     from schuler.truth.imu_errors import measure
@@ -207,7 +208,8 @@ def simulate(study: Study, model: ImuModel, seed: int, progress: Progress, made:
     vertical = study.filter.vertical
 
     def navigate(dtheta: Array, dv: Array) -> Track:
-        ins = Strapdown(start, earth=made.earth, vertical=vertical)
+        form = StrapdownEcef if study.filter.frame == "ecef" else Strapdown
+        ins = form(start, earth=made.earth, vertical=vertical)
         return ins.feed(dtheta, dv, ideal.dt, every=every, **aids)
 
     track = navigate(measured.dtheta, measured.dv)
@@ -333,7 +335,7 @@ def _closed(
 
 def recorded(study: Study, progress: Progress) -> Run:
     """Free inertial navigation of a recording from [start], or from what alignment and the first fix give."""
-    from schuler.inertial import strapdown
+    from schuler.inertial import ecef, strapdown
 
     if "imu" not in study.input.tables:
         if study.trajectory is not None and study.trajectory.preset == "track" and "reference" in study.input.tables:
@@ -349,7 +351,8 @@ def recorded(study: Study, progress: Progress) -> Run:
     progress("navigating")
     imu = inputs.tables["imu"]
     rate = 1.0 / float(np.median(np.diff(imu.time)))
-    track = strapdown.run(imu, found.start, vertical=study.filter.vertical, every=stride_of(study, rate))
+    navigate = ecef.run if study.filter.frame == "ecef" else strapdown.run
+    track = navigate(imu, found.start, vertical=study.filter.vertical, every=stride_of(study, rate))
     begin = _row(found.start, max(found.start.time, float(imu.time[0]) - 1.0 / rate))
     told = {"trajectory": "recording"}
     return Run(track, WGS84, dict(inputs.tables), inputs.reference, {}, told, found.notes, found, begin)

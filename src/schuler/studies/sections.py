@@ -316,6 +316,7 @@ class FilterSection(Section):
     loop: Literal["closed", "open"] = key("closed", '"open": errors are kept beside an INS that runs free, for study')
     distrust_s: float = key(60.0, "so long fixes may contradict the filter wildly before it believes them", "s", ge=0)
     vertical: Literal["free", "held"] = key("free", 'kind "strapdown": "held" keeps height and v_down')
+    frame: Literal["ned", "ecef"] = key("ned", 'kind "strapdown": axes that it is computed in; the track is the same')
 
 
 class OutputSection(Section):

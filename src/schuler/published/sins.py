@@ -14,6 +14,7 @@ from schuler.published import (
     sins_errors,
     sins_kinematics,
     sins_navigation,
+    sins_optics,
 )
 from schuler.published.ledger import Row
 
@@ -30,7 +31,8 @@ def rows(progress: Callable[[str], None] | None = None) -> list[Row]:
         ("thesis: listing A.1", sins_navigation.listing_rows),
         ("thesis: error growth, three runs of 4 h", sins_errors.rows),
         ("thesis: size effect and turntable", sins_calibration.rows),
-        ("thesis: errata of chapters 4 and 5", sins_errata.rows),
+        ("thesis: errata of chapter 4", sins_errata.rows),
+        ("thesis: optics, chapters 4.4 and 5", sins_optics.rows),
     ):
         if progress is not None:
             progress(step)

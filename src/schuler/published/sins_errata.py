@@ -1,4 +1,4 @@
-"""Errata of the thesis's chapters 4 and 5 that a few lines show; what needs more stands with its own subject."""
+"""Errata of the thesis's chapter 4 that a few lines show; what needs more stands with its own subject."""
 
 from __future__ import annotations
 
@@ -21,14 +21,12 @@ def _fixed(
 
 
 def rows() -> list[Row]:
-    """Rows of chapters 4 and 5."""
+    """Rows of sections 4.1 to 4.3."""
     ga, be = 0.7, 0.5
     third = {"printed": math.sin(ga), "right": math.sin(ga) * math.sin(be)}
     norm = {k: math.hypot(math.cos(ga) * math.sin(be), math.cos(be), v) for k, v in third.items()}
     accel = abs(float(np.mean(A_11)))
     rate = math.degrees(math.sqrt(accel / (float(np.mean(RHO_11)) * 1e-3)))
-    drift = math.radians(0.05) / 3600.0
-    footprint = 2.0 * 150.0 * math.tan(0.5 * 2.7e-3)
     return [
         judge(SOURCE, "table 4.2", "mean of rho11", "mm", "28.08", float(np.mean(RHO_11)), "as printed"),
         judge(
@@ -74,23 +72,4 @@ def rows() -> list[Row]:
         _fixed("(4.9)", "axis of Lambda_alpha", "the vertical axis i_2, as (4.10) has it"),
         _fixed("table 4.1 rows 2, 4", "(gamma, beta)", "(0, pi/4) and (0, -pi/4): as printed the positions coincide"),
         _fixed("(4.20), (4.21)", "unknown and sign", "rho33, and + sqrt2 rho32"),
-        _fixed(
-            "(4.25), (4.26)",
-            "footprint of 2.7 mrad at 150 m, nadir",
-            "D + 2 h tan(gamma/2): printed reciprocal",
-            "m",
-            1.0 / footprint,
-            footprint,
-        ),
-        _fixed("(4.28) rows 1, 6", "cos(gamma), x_0", "cos(psi), z_0"),
-        _fixed("(4.29)", "rank of the three summed equations", "3 of 6: not solvable", "1", None, 3.0),
-        _fixed("(4.31)", "signs of q_x, q_y", "- q_y, + q_x for q body to navigation"),
-        _fixed("(4.32)", "pitch", "arcsin, in the order Z-X-Y of the thesis's matrix"),
-        _fixed("(5.11) row 1", "w x v", "C [w_eb x]; the Earth rate must be taken off the gyros"),
-        _fixed("(5.11), (5.15)", "w_ei", "w_ie = -w_ei: sign of Coriolis"),
-        _fixed("(5.15) rows 2, 3", "frame and delta g", "e frame, delta g = G dr: without it no Schuler loop"),
-        _fixed("(5.16)-(5.18)", "r_ec^c, r_bc^b", "r_ec^e, r_eb^e"),
-        _fixed("(5.20)", "rotations", "-C_e^c and -C_e^c [(r_p - r_b) x]"),
-        _fixed("(5.21) text", "(5.10) into (5.9)", "(5.20) into (5.19)"),
-        _fixed("section 5.3", "0.05 deg/h", "the exponent -7 is missing", "rad/s", 2.4241, drift),
     ]

@@ -59,9 +59,14 @@ class Nominal:
 
     @property
     def C(self) -> np.ndarray:
-        """n <- vehicle: the IMU's axes turned by the mounting."""
+        """n <- b."""
+        return dcm_from_quat(self.q)
+
+    @property
+    def C_nv(self) -> np.ndarray:
+        """n <- the vehicle's own axes: the body turned by the mounting."""
         mounting = dcm_from_euler(*self.get("mounting_roll", "mounting_pitch", "mounting_yaw"))
-        return dcm_from_quat(self.q) @ mounting.T
+        return self.C @ mounting.T
 
     def moved(self, dx: np.ndarray, names: list[str]) -> Nominal:
         """The state less an error dx."""
@@ -121,15 +126,15 @@ def gnss_velocity(lever):
 
 def axial(n: Nominal) -> np.ndarray:
     through = n.v_n - np.array([*n.get("current_north", "current_east"), 0.0])
-    return (1.0 + n.get("speed_scale")) * (n.C.T @ through)[:1]
+    return (1.0 + n.get("speed_scale")) * (n.C_nv.T @ through)[:1]
 
 
 def sideways(n: Nominal) -> np.ndarray:
-    return (n.C.T @ n.v_n)[1:]
+    return (n.C_nv.T @ n.v_n)[1:]
 
 
 def dvl(n: Nominal) -> np.ndarray:
-    turn = dcm_from_euler(*n.get(*(f"dvl_misalignment_{a}" for a in ("roll", "pitch", "yaw"))))
+    turn = dcm_from_euler(*n.get(*(f"dvl_misalignment_{a}" for a in XYZ)))
     return (1.0 + n.get("dvl_scale")[0]) * turn.T @ n.C.T @ n.v_n
 
 

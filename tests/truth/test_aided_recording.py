@@ -90,7 +90,7 @@ def test_without_noise_body_speeds_are_those_of_their_places() -> None:
     t = dvl.time[inside(dvl)] - true("dvl_delay")
     C = ecef(FLIGHT, t, (0.0,) * 3)[2]
     v_b = np.einsum("nji,nj->ni", C, velocity(FLIGHT, t, suite.dvl_arm))
-    turn = dcm_from_euler(*(true(f"dvl_misalignment_{a}") for a in ("roll", "pitch", "yaw")))
+    turn = dcm_from_euler(*(true(f"dvl_misalignment_{a}") for a in "xyz"))
     want = (1.0 + true("dvl_scale")) * v_b @ turn
     np.testing.assert_allclose(dvl.stack("v_x", "v_y", "v_z")[inside(dvl)], want, atol=2e-6)
 
@@ -128,12 +128,12 @@ def test_a_biased_compass_reads_heading_plus_bias() -> None:
     r = simulate(level, ImuModel(), replace(CLEAN, magnetometer=Magnetometer("m", 5.0, 0.0)), 10.0, seed=1)
     imu = r.tables["imu"]
     heading = np.arctan2(-imu["mag_y"], imu["mag_x"]) + r.declination
-    assert abs(r.truth_states["mag_heading_bias"][1][0]) > 0.01
-    np.testing.assert_allclose(heading - 0.7, r.truth_states["mag_heading_bias"][1][0], atol=1e-9)
+    assert abs(r.truth_states["heading_offset"][1][0]) > 0.01
+    np.testing.assert_allclose(heading - 0.7, r.truth_states["heading_offset"][1][0], atol=1e-9)
 
 
 def test_the_imu_is_turned_by_its_mounting() -> None:
-    """f_body = C(mounting) C(imu_to_body) f_imu, and the errors sit in the IMU's own axes."""
+    """f_vehicle = C(mounting) C(imu_to_body) f_imu, and the errors sit in the IMU's own axes."""
     rpy = (0.02, -0.5, 2.0)
     imu = ImuModel(gyro_bias_deg_per_h=100.0, accel_bias_ug=500.0, gyro_scale_ppm=1000.0)
     r = simulate(FLIGHT, imu, replace(CLEAN, magnetometer=None, mounting_std=0.03, imu_to_body=rpy), 50.0, seed=2)
@@ -162,10 +162,26 @@ def test_the_reference_is_the_trajectory_at_its_point() -> None:
     assert ref.time[0] == 0.0 and len(ref) == 1201
 
 
+def test_arms_and_reference_are_of_the_body_and_the_log_is_of_the_vehicle() -> None:
+    """The body is the IMU as the study turns it; the vehicle's own axes are turned against it by the mounting."""
+    r = simulate(FLIGHT, ImuModel(), replace(CLEAN, mounting_std=0.1), 50.0, seed=2)
+    C_vb = dcm_from_euler(*(r.truth_states[f"mounting_{a}"][1][0] for a in ("roll", "pitch", "yaw")))
+    ref, g, speed = r.reference, r.tables["gnss"], r.tables["speed"]
+    s = FLIGHT.at(ref.time)
+    seen = dcm_from_euler(ref["roll"], ref["pitch"], ref["heading"])
+    np.testing.assert_allclose(seen, dcm_from_quat(s.q_nb) @ C_vb, atol=1e-12)
+    place = ecef(FLIGHT, g.time, C_vb @ ARM)[0]
+    np.testing.assert_allclose(WGS84.ecef_from_geodetic(g["lat"], g["lon"], g["height"]), place, atol=3e-6)
+    t = speed.time[inside(speed)]
+    nose = ecef(FLIGHT, t, (0.0,) * 3)[2][:, :, 0]
+    want = np.einsum("nj,nj->n", nose, velocity(FLIGHT, t, C_vb @ CLEAN.speed_arm))
+    np.testing.assert_allclose(speed["speed"][inside(speed)], want, atol=2e-6)
+
+
 NOISY = AidedSuite(
     gnss_correlated=(2.0, 2.0, 3.0), gnss_correlated_tau=20.0, gnss_hz=2.0, speed_hz=1.0, speed_scale_std=0.01,
     speed_is="water", current_walk=0.001, dvl_hz=1.0, dvl_scale_std=0.003, depth_hz=1.0, height_hz=1.0,
-    height_bias_std=3.0, height_bias_tau=50.0, ranges_hz=1.0, magnetometer=Magnetometer(), mounting_std=0.02,
+    height_bias_std=3.0, height_walk=0.02, range_bias_std=0.3, ranges_hz=1.0, magnetometer=Magnetometer(), mounting_std=0.02,
     gnss_delay_std=0.05, antenna_std=0.1, start_std=(1.0,) * 9,
 )  # fmt: skip
 IMU = ImuModel(gyro_arw_deg_per_sqrt_h=0.1, gyro_bias_deg_per_h=1.0, accel_bias_ug=100.0)
@@ -224,7 +240,7 @@ def test_errors_have_the_size_and_memory_that_was_asked_for() -> None:
     v = g.stack("v_north", "v_east", "v_down")
     np.testing.assert_allclose(v.std(axis=0), suite.gnss_velocity_std, rtol=5.0 / math.sqrt(2 * len(v)))
     height = r.tables["height"]["height"] - 10.0
-    markov(states["height_bias"][1], 3.0, 50.0, 1.0)
+    assert np.diff(states["height_bias"][1]).std() == pytest.approx(0.02, rel=0.03)
     assert (height - states["height_bias"][1]).std() == pytest.approx(1.0, rel=0.03)
     assert (r.tables["depth"]["depth"] + 10.0).std() == pytest.approx(0.1, rel=0.03)
     assert r.tables["dvl"]["v_y"].std() == pytest.approx(0.02, rel=0.03)
@@ -236,13 +252,13 @@ def test_errors_have_the_size_and_memory_that_was_asked_for() -> None:
 
 def test_what_is_drawn_once_has_its_sigma_over_the_runs() -> None:
     path = replace(STILL, duration=3.0)
-    suite = replace(NOISY, magnetometer=Magnetometer(hard_iron_ut=2.0), dvl_misalignment_std=0.01, speed_arm_std=0.2)
+    suite = replace(NOISY, magnetometer=Magnetometer(hard_iron_ut=2.0), dvl_misalignment_std=0.01, speed_arm_std=0.2, depth_bias_std=20.0)
     imu = ImuModel(gyro_bias_deg_per_h=10.0, accel_scale_ppm=500.0)
     runs = [simulate(path, imu, suite, 10.0, seed=1, run=k) for k in range(150)]
     sigmas = {
         "gnss_delay": 0.05, "antenna_lever_y": 0.1, "mounting_pitch": 0.02, "speed_scale": 0.01, "dvl_scale": 0.003,
-        "dvl_misalignment_yaw": 0.01, "speed_lever_x": 0.2, "current_east": 0.3, "gnss_bias_north": 2.0,
-        "height_bias": 3.0, "mag_heading_bias": 2.0 * D, "mag_bias_x": 2e-6, "gyro_bias_z": 10.0 * D / 3600.0,
+        "dvl_misalignment_z": 0.01, "speed_lever_x": 0.2, "current_east": 0.3, "gnss_bias_north": 2.0,
+        "height_bias": 3.0, "range_bias": 0.3, "depth_bias": 20.0, "heading_offset": 2.0 * D, "mag_bias_x": 2e-6, "gyro_bias_z": 10.0 * D / 3600.0,
         "accel_scale_y": 5e-4,
     }  # fmt: skip
     for name, sigma in sigmas.items():

@@ -29,41 +29,58 @@ def test_keys_arrive_in_si() -> None:
         raw(
             simulate={
                 "speed_hz": 5.0, "dvl_hz": 2.0, "height_hz": 1.0, "mounting_deg": 2.0, "antenna_lever_m": 0.2,
-                "gnss_delay_s": 0.1, "height_bias_m": 4.0, "height_tau_s": 300.0, "speed_is": "water",
-                "magnetometer": True, "mag_bias_deg": 3.0, "dvl_misalignment_deg": 1.0, "range_scale_percent": 5.0,
+                "gnss_delay_s": 0.1, "height_bias_m": 4.0, "height_walk_m_per_sqrt_h": 6.0, "mag_bias_ut": 1.5,
+                "magnetometer": True, "heading_offset_deg": 3.0, "dvl_misalignment_deg": 1.0,
+                "range_scale_percent": 5.0, "depth_bias_m": 7.0, "range_bias_m": 0.7,
             },
             noise={"speed_mps": 0.2, "speed_scale_percent": 2.0, "gnss_correlated_m": 1.0, "mag_deg": 2.5,
                    "current_walk_mps_per_sqrt_h": 0.6},
             mounting={"antenna_frd_m": [1.0, 0.0, -2.0], "imu_to_body_rpy_deg": [180.0, 0.0, 90.0]},
             start={"std_north_m": 3.0, "std_heading_deg": 5.0},
             input={"gnss_delay_s": 0.25},
+            filter={"speed_is": "water"},
         )
     )  # fmt: skip
     s = made.suite
     assert (s.speed_hz, s.dvl_hz, s.gnss_hz, s.depth_hz) == (5.0, 2.0, 1.0, 0.0)
     assert s.mounting_std == pytest.approx(2.0 * D) and s.dvl_misalignment_std == pytest.approx(D)
-    assert (s.antenna_std, s.gnss_delay_std, s.height_bias_std, s.height_bias_tau) == (0.2, 0.1, 4.0, 300.0)
-    assert s.gnss_delay == 0.25
+    assert (s.antenna_std, s.gnss_delay_std, s.height_bias_std) == (0.2, 0.1, 4.0)
+    assert s.height_walk == pytest.approx(0.1) and s.depth_bias_std == 7.0 and s.range_bias_std == 0.7
+    assert s.gnss_delay == 0.25 and s.speed_is == "water"
     assert s.speed_scale_std == 0.02 and s.speed_std == 0.2 and s.range_scale_std == 0.05
     assert s.gnss_correlated == (1.0, 1.0, 1.5) and s.current_walk == pytest.approx(0.01)
-    assert s.magnetometer.bias_deg == 3.0 and s.magnetometer.noise_deg == 2.5
+    assert s.magnetometer.bias_deg == pytest.approx(3.0) and s.magnetometer.noise_deg == 2.5
+    assert s.magnetometer.hard_iron_ut == pytest.approx(1.5)
     assert s.antenna == (1.0, 0.0, -2.0) and s.imu_to_body == pytest.approx((math.pi, 0.0, math.pi / 2))
     assert s.start_std == pytest.approx((3.0, 0, 0, 0, 0, 0, 0, 0, 5.0 * D))
     assert made.imu.gyro_scale[0] == pytest.approx(3e-4) and made.rate_hz == 50.0
 
 
+def test_what_the_filter_estimates_is_drawn_with_its_prior_and_nothing_else() -> None:
+    sensors = {"speed_hz": 1.0, "dvl_hz": 1.0, "height_hz": 1.0, "depth_hz": 1.0, "ranges_hz": 1.0}
+    names = ("speed_scale", "mounting", "dvl_scale", "dvl_misalignment", "height_bias", "depth_bias", "range_scale",
+             "range_bias")  # fmt: skip
+    own = simulation(raw(simulate=sensors)).suite  # what the filter chooses itself
+    assert all(getattr(own, f"{name}_std") > 0.0 for name in names)
+    assert own.gnss_correlated == (2.0, 2.0, 3.0)
+    assert own.antenna_std == own.gnss_delay_std == own.speed_arm_std == 0.0
+    few = simulation(raw(simulate=sensors, filter={"estimate": ["antenna_lever", "gnss_delay"]})).suite
+    assert all(getattr(few, f"{name}_std") == 0.0 for name in names)
+    assert few.gnss_correlated == (0.0, 0.0, 0.0) and few.height_walk == 0.0
+    assert few.antenna_std > 0.0 and few.gnss_delay_std > 0.0 and few.gnss_velocity_delay_std == 0.0
+    both = simulation(raw(filter={"estimate": ["gnss_velocity_delay", "gnss_delay"]})).suite
+    assert both.gnss_velocity_delay_std is None  # as late as the position
+
+
 def test_a_study_becomes_a_recording() -> None:
-    r = simulation(raw(simulate={"ranges_hz": 1.0, "beacons": 3, "speed_hz": 10.0})).record(seed=1)
+    r = simulation(
+        raw(simulate={"ranges_hz": 1.0, "beacons": 3, "speed_hz": 10.0, "mounting_deg": 0.0})
+    ).record(seed=1)
     assert {n: len(t) for n, t in r.tables.items()} == {
         "imu": 10000, "gnss": 200, "speed": 2000, "ranges": 600, "landmarks": 3
     }  # fmt: skip
     assert r.tables["imu"].kind == "increments" and r.reference["heading"][0] == pytest.approx(40.0 * D)
     assert np.all(r.tables["speed"]["speed"][:200] < 0.5)  # a car stands at first
-
-
-def test_a_slow_error_of_fixes_is_there_where_somebody_looks_for_it() -> None:
-    assert simulation(raw()).suite.gnss_correlated == (0.0, 0.0, 0.0)
-    assert simulation(raw(filter={"estimate": ["gnss_bias"]})).suite.gnss_correlated == (2.0, 2.0, 3.0)
 
 
 @pytest.mark.parametrize("preset", ["legs", "flight", "dive", "rhumb-line", "great-circle", "oscillation", "rest"])

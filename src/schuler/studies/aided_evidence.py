@@ -73,19 +73,19 @@ class Experiment:
 
 
 FLIGHT = {"preset": "flight", "duration_s": 600.0, "rate_hz": 100.0}
+STEADY = {"delay_walk_s_per_sqrt_s": 0.0}  # the simulated clocks do not drift
 EXPERIMENTS: dict[str, Experiment] = {
     "flight": Experiment("flight with GNSS, 15 states", {"trajectory": FLIGHT}, (300.0, 360.0)),
-    "flight, 25 states": Experiment(
-        "flight with GNSS: biases, scales, antenna lever, delay",
+    "flight, 26 states": Experiment(
+        "flight with GNSS: biases, scales, antenna lever, delays",
         {
             "trajectory": FLIGHT,
             "imu": {**TACTICAL, "gyro_scale_ppm": 2000.0, "accel_scale_ppm": 2000.0},
-            "simulate": {"antenna_lever_m": 0.3, "gnss_delay_s": 0.1},
-            "noise": {"gnss_m": [0.1, 0.1, 0.2]},
+            "noise": {"gnss_m": [0.1, 0.1, 0.2], **STEADY},
             "mounting": {"antenna_frd_m": [1.0, 0.0, -0.5]},
         },
         (300.0, 360.0),
-        (*BIASES, "gyro_scale", "accel_scale", "antenna_lever", "gnss_delay"),
+        (*BIASES, "gyro_scale", "accel_scale", "antenna_lever", "gnss_delay", "gnss_velocity_delay"),
     ),
     "slow receiver": Experiment(
         "flight with fixes whose error is correlated over 50 s",
@@ -101,7 +101,8 @@ EXPERIMENTS: dict[str, Experiment] = {
         "car with odometer, sideways constraint and stops",
         {
             "trajectory": {"preset": "car", "duration_s": 600.0, "rate_hz": 100.0},
-            "simulate": {"speed_hz": 10.0, "mounting_deg": 2.0},
+            "simulate": {"speed_hz": 10.0},
+            "noise": {"mounting_deg": 2.0},
         },
         (300.0, 360.0),
         (*BIASES, "speed_scale", "mounting"),
@@ -111,10 +112,9 @@ EXPERIMENTS: dict[str, Experiment] = {
         "flight with airspeed, wind and barometer",
         {
             "trajectory": FLIGHT,
-            "simulate": {
-                "speed_hz": 5.0, "speed_is": "air", "height_hz": 1.0, "height_bias_m": 3.0, "height_tau_s": 300.0,
-            },
+            "simulate": {"speed_hz": 5.0, "height_hz": 1.0},
             "noise": {"speed_mps": 0.3, "current_mps": 5.0, "current_walk_mps_per_sqrt_h": 3.0},
+            "filter": {"speed_is": "air"},
         },
         (300.0, 420.0),
         (*BIASES, "speed_scale", "current", "height_bias"),
@@ -128,7 +128,8 @@ EXPERIMENTS: dict[str, Experiment] = {
             },
             "start": {"height_m": -50.0, "std_roll_deg": 0.02, "std_pitch_deg": 0.02, "std_heading_deg": 0.2},
             "imu": GOOD,
-            "simulate": {"dvl_hz": 1.0, "depth_hz": 1.0, "dvl_misalignment_deg": 0.3},
+            "simulate": {"dvl_hz": 1.0, "depth_hz": 1.0},
+            "noise": {"dvl_misalignment_deg": 0.3},
         },
         (600.0, 1500.0),
         (*BIASES, "dvl_scale", "dvl_misalignment"),
@@ -138,9 +139,10 @@ EXPERIMENTS: dict[str, Experiment] = {
         {
             "trajectory": {"preset": "car", "duration_s": 400.0, "rate_hz": 100.0},
             "simulate": {"ranges_hz": 1.0, "height_hz": 1.0},
-            "noise": {"range_m": 0.5, "height_m": 0.5},
+            "noise": {"height_m": 0.5},
         },
         (100.0, 300.0),
+        (*BIASES, "range_scale", "range_bias"),
     ),
 }  # fmt: skip
 

@@ -423,25 +423,27 @@ class SimulateSection(Section):
     sightings_per_s: float = key(0.0, "landmarks seen by the camera, of all pictures together", "1/s", ge=0)
     sightings_hz: float = key(0.0, "pictures", "Hz", ge=0, le=1000)
     lidar_hz: float = key(0.0, "ranges of a lidar", "Hz", ge=0, le=1e6)
-    speed_is: Literal["ground", "water", "air"] = key("ground", "what the speed log feels; its current is in [noise]")
-    gnss_delay_s: float = key(
-        0.0, "delay of the fixes beside [input] gnss_delay_s, drawn once, 1 sigma", "s", ge=0, le=2
+    speed_is: Literal["ground", "water", "air"] | None = key(
+        None, "what the speed log feels; absent: as the filter takes it"
     )
+    gnss_delay_s: float | None = key(None, "delay of the fixes beside [input] gnss_delay_s, 1 sigma", "s", ge=0, le=2)
     gnss_velocity_delay_s: float | None = key(
-        None, "delay of the receiver's velocity, drawn once, 1 sigma; absent: that of the fixes", "s", ge=0, le=2
+        None, "delay of the receiver's velocity, 1 sigma; absent: that of the fixes", "s", ge=0, le=2
     )
-    speed_delay_s: float = key(0.0, "delay of the speed log, drawn once, 1 sigma", "s", ge=0, le=2)
-    dvl_delay_s: float = key(0.0, "delay of the DVL, drawn once, 1 sigma", "s", ge=0, le=2)
-    mounting_deg: float = key(0.0, "roll, pitch, yaw of the IMU beside [mounting], drawn once, 1 sigma", "deg", ge=0)
-    antenna_lever_m: float = key(0.0, "error of antenna_frd_m, drawn once, each axis, 1 sigma", "m", ge=0)
-    speed_lever_m: float = key(0.0, "error of speed_frd_m, drawn once, each axis, 1 sigma", "m", ge=0)
-    dvl_lever_m: float = key(0.0, "error of dvl_frd_m, drawn once, each axis, 1 sigma", "m", ge=0)
-    dvl_misalignment_deg: float = key(0.0, "roll, pitch, yaw of the DVL, drawn once, 1 sigma", "deg", ge=0)
-    height_bias_m: float = key(0.0, "slow drift of the barometer, 1 sigma of a Gauss-Markov process", "m", ge=0)
-    height_tau_s: float = key(1000.0, "its correlation time", "s", gt=0)
-    range_scale_percent: float = key(0.0, "scale of all ranges, drawn once, 1 sigma", "%", ge=0)
-    mag_bias_deg: float = key(2.0, "the compass reads heading plus this, drawn once, 1 sigma", "deg", ge=0)
-    hard_iron_ut: float = key(0.0, "constant field at the magnetometer, drawn once, each axis, 1 sigma", "uT", ge=0)
+    speed_delay_s: float | None = key(None, "delay of the speed log, 1 sigma", "s", ge=0, le=2)
+    dvl_delay_s: float | None = key(None, "delay of the DVL, 1 sigma", "s", ge=0, le=2)
+    mounting_deg: float | None = key(None, "angles of the IMU beside [mounting], 1 sigma", "deg", ge=0, le=45)
+    antenna_lever_m: float | None = key(None, "error of antenna_frd_m, each axis, 1 sigma", "m", ge=0)
+    speed_lever_m: float | None = key(None, "error of speed_frd_m, each axis, 1 sigma", "m", ge=0)
+    dvl_lever_m: float | None = key(None, "error of dvl_frd_m, each axis, 1 sigma", "m", ge=0)
+    dvl_misalignment_deg: float | None = key(None, "angles of the DVL, 1 sigma", "deg", ge=0, le=45)
+    height_bias_m: float | None = key(None, "offset of the barometer, 1 sigma", "m", ge=0)
+    height_walk_m_per_sqrt_h: float | None = key(None, "how fast that offset drifts", "m/sqrt(h)", ge=0)
+    depth_bias_m: float | None = key(None, "ellipsoidal height of the depth sensor's zero, 1 sigma", "m", ge=0)
+    range_scale_percent: float | None = key(None, "scale of all ranges, 1 sigma", "%", ge=0)
+    range_bias_m: float | None = key(None, "offset of all ranges, 1 sigma", "m", ge=0)
+    heading_offset_deg: float | None = key(None, "the compass reads heading plus this, 1 sigma", "deg", ge=0)
+    mag_bias_ut: float | None = key(None, "hard iron of the magnetometer, each axis, 1 sigma", "uT", ge=0)
     year: float = key(2026.0, "date of the magnetic field", ge=2025, le=2030)
     imu_rows: Literal["increments", "rates"] = key("increments", "what a row of the imu table holds")
 

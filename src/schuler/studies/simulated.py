@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import radians
 from typing import TYPE_CHECKING, Any
 
 from schuler.ground.errors import InputError, StudyError
 from schuler.ground.tables import Table
+from schuler.ground.units import DEG
 
 if TYPE_CHECKING:
+    from schuler.aiding.aided_settings import AidedSettings
     from schuler.studies.model import Study
+    from schuler.studies.sections import SimulateSection
     from schuler.truth.aided import AidedRecording, AidedSuite
     from schuler.truth.instruments import ImuModel
     from schuler.truth.trajectories import Trajectory
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
 DOWN = 1.5  # the slow error of a fix is so much larger down than north and east
 # sensors of [simulate] that need the camera or the lidar
 _OPTICS = ("sightings_per_s", "sightings_hz", "lidar_hz")
+SENSORS = ("gnss", "speed", "dvl", "depth", "height", "ranges")
+COMPASS_TAU_S = 0.02  # s: five rows a second, which is what the filter takes, are independent
 
 
 @dataclass(frozen=True)
@@ -111,66 +115,86 @@ def _trajectory(study: Study, reference: Table | None) -> Trajectory:
 def suite_of(study: Study) -> AidedSuite:
     """The sensors of [simulate] with the noise of [noise] in the places of [mounting].
 
-    A slow error of the fixes is put on where [noise] types gnss_correlated_m or [filter] estimate names gnss_bias.
+    What [simulate] gives no sigma is drawn with the filter's own prior where the filter estimates it, and is zero where
+    it does not.
     """
+    from schuler.studies.aided_mapping import aided_settings
     from schuler.studies.sections import SimulateSection
     from schuler.truth.aided import AidedSuite
     from schuler.truth.instruments import Magnetometer
 
     s, n, m, k = study.simulate or SimulateSection(), study.noise, study.mounting, study.start
-    slow = 0.0
-    if "gnss_correlated_m" in n.model_fields_set or "gnss_bias" in (study.filter.estimate or ()):
-        slow = n.gnss_correlated_m
+    f = aided_settings(study)
+    found = _estimated(f, s)
+
+    def drawn(typed: float | None, name: str, prior: float, unit: float = 1.0) -> float:
+        """The sigma typed, in SI, or the filter's prior."""
+        return typed * unit if typed is not None else prior if name in found else 0.0
+
+    slow = drawn(None, "gnss_bias", f.gnss_correlated_std)
     compass = None
     if s.magnetometer:
-        compass = Magnetometer(bias_deg=s.mag_bias_deg, noise_deg=n.mag_deg, hard_iron_ut=s.hard_iron_ut)
+        offset = drawn(s.heading_offset_deg, "heading_offset", f.heading_offset_std, DEG)
+        iron = drawn(s.mag_bias_ut, "mag_bias", f.mag_bias_std, 1e-6)
+        compass = Magnetometer(
+            bias_deg=offset / DEG, noise_deg=n.mag_deg, tau_s=COMPASS_TAU_S, hard_iron_ut=iron * 1e6
+        )
     later = s.gnss_velocity_delay_s
-    roll, pitch, yaw = m.imu_to_body_rpy_deg
+    if later is None and ("gnss_velocity_delay" in found) != ("gnss_delay" in found):
+        later = f.gnss_delay_std if "gnss_velocity_delay" in found else 0.0
     start = [k.std_north_m, k.std_east_m, k.std_down_m, k.std_v_north_mps, k.std_v_east_mps, k.std_v_down_mps]
-    start += [None if x is None else radians(x) for x in (k.std_roll_deg, k.std_pitch_deg, k.std_heading_deg)]
-    chosen: dict[str, Any] = {f"{name}_hz": getattr(s, f"{name}_hz") for name in _SENSORS}
+    start += [None if x is None else x * DEG for x in (k.std_roll_deg, k.std_pitch_deg, k.std_heading_deg)]
+    rates: dict[str, Any] = {f"{name}_hz": getattr(s, f"{name}_hz") for name in SENSORS}
+    roll, pitch, yaw = m.imu_to_body_rpy_deg
     return AidedSuite(
-        **chosen,
+        **rates,
         gnss_velocity=s.gnss_velocity,
-        gnss_std=n.gnss_m,
-        gnss_velocity_std=n.gnss_mps,
+        gnss_std=f.gnss_std,
+        gnss_velocity_std=f.gnss_velocity_std,
         gnss_correlated=(slow, slow, DOWN * slow),
-        gnss_correlated_tau=n.gnss_correlated_tau_s,
-        gnss_delay=study.input.gnss_delay_s,
-        gnss_delay_std=s.gnss_delay_s,
+        gnss_correlated_tau=f.gnss_correlated_tau,
+        gnss_delay=f.gnss_delay,
+        gnss_delay_std=drawn(s.gnss_delay_s, "gnss_delay", f.gnss_delay_std),
         gnss_velocity_delay_std=later,
-        antenna=m.antenna_frd_m,
-        antenna_std=s.antenna_lever_m,
-        speed_std=n.speed_mps,
-        speed_scale_std=0.01 * n.speed_scale_percent,
-        speed_arm=m.speed_frd_m,
-        speed_arm_std=s.speed_lever_m,
-        speed_delay_std=s.speed_delay_s,
-        speed_is=s.speed_is,
-        current_std=n.current_mps,
-        current_walk=n.current_walk_mps_per_sqrt_h / 60.0,
-        dvl_std=n.dvl_mps,
-        dvl_scale_std=0.01 * n.dvl_scale_percent,
-        dvl_misalignment_std=radians(s.dvl_misalignment_deg),
-        dvl_arm=m.dvl_frd_m,
-        dvl_arm_std=s.dvl_lever_m,
-        dvl_delay_std=s.dvl_delay_s,
-        depth_std=n.depth_m,
-        height_std=n.height_m,
-        height_bias_std=s.height_bias_m,
-        height_bias_tau=s.height_tau_s,
+        antenna=f.antenna,
+        antenna_std=drawn(s.antenna_lever_m, "antenna_lever", f.antenna_std),
+        speed_std=f.speed_std,
+        speed_scale_std=drawn(None, "speed_scale", f.speed_scale_std),
+        speed_arm=f.speed_arm,
+        speed_arm_std=drawn(s.speed_lever_m, "speed_lever", f.antenna_std),
+        speed_delay_std=drawn(s.speed_delay_s, "speed_delay", f.gnss_delay_std),
+        speed_is=s.speed_is or study.filter.speed_is,
+        current_std=f.current_std,
+        current_walk=f.current_walk,
+        dvl_std=f.dvl_std,
+        dvl_scale_std=drawn(None, "dvl_scale", f.dvl_scale_std),
+        dvl_misalignment_std=drawn(s.dvl_misalignment_deg, "dvl_misalignment", f.dvl_misalignment_std, DEG),
+        dvl_arm=f.dvl_arm,
+        dvl_arm_std=drawn(s.dvl_lever_m, "dvl_lever", f.antenna_std),
+        dvl_delay_std=drawn(s.dvl_delay_s, "dvl_delay", f.gnss_delay_std),
+        depth_std=f.depth_std,
+        depth_bias_std=drawn(s.depth_bias_m, "depth_bias", f.depth_bias_std),
+        height_std=f.height_std,
+        height_bias_std=drawn(s.height_bias_m, "height_bias", f.height_bias_std),
+        height_walk=drawn(s.height_walk_m_per_sqrt_h, "height_bias", f.height_walk, 1.0 / 60.0),
         magnetometer=compass,
         year=s.year,
-        range_std=n.range_m,
-        range_scale_std=0.01 * s.range_scale_percent,
+        range_std=f.range_std,
+        range_scale_std=drawn(s.range_scale_percent, "range_scale", f.range_scale_std, 0.01),
+        range_bias_std=drawn(s.range_bias_m, "range_bias", f.range_bias_std),
         beacons=s.beacons,
         beacon_radius=s.beacon_radius_m,
-        imu_to_body=(radians(roll), radians(pitch), radians(yaw)),
-        mounting_std=radians(s.mounting_deg),
+        imu_to_body=(roll * DEG, pitch * DEG, yaw * DEG),
+        mounting_std=drawn(s.mounting_deg, "mounting", f.mounting_std, DEG),
         imu_kind=s.imu_rows,
         start_std=tuple(0.0 if x is None else float(x) for x in start),
         reference_arm=m.reference_frd_m,
     )
 
 
-_SENSORS = ("gnss", "speed", "dvl", "depth", "height", "ranges")
+def _estimated(settings: AidedSettings, s: SimulateSection) -> set[str]:
+    """What the filter estimates with these sensors: as typed, or what it chooses itself."""
+    from schuler.aiding.aided_settings import chosen
+
+    present = {name for name in SENSORS if getattr(s, f"{name}_hz") > 0.0}
+    return set(chosen(settings, present | ({"magnetometer"} if s.magnetometer else set())))

@@ -4,9 +4,10 @@ Every sensor is evaluated on the trajectory's own formula at the moment it belon
 each other and a delay is exact: a row stamped t belongs to t - delay. measured = (I + M) true + bias + noise. Each
 quantity draws from a stream of its own: another sensor changes nobody's numbers. SI and radians, NED, body FRD.
 
-Body b is the vehicle's, the trajectory's: the antenna, the DVL and the wheels sit in it, and the reference is its
-attitude. The IMU is turned against it: f_b = C(mounting) C(imu_to_body) f_imu, C(rpy) = Rz(yaw) Ry(pitch) Rx(roll),
-where imu_to_body is what the study types and mounting the small rest that a filter may find.
+Body b is the IMU's axes turned by imu_to_body, as a study types it: the arms are along its axes, the reference is its
+attitude, f_b = C(imu_to_body) f_imu with C(rpy) = Rz(yaw) Ry(pitch) Rx(roll). The vehicle's own axes, which follow the
+path and along which it rolls and its log feels the speed, differ by the mounting angles, the small rest that a filter may
+find: v_vehicle = C(mounting) v_b.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from schuler.ground.earth import Ellipsoid
 from schuler.ground.errors import InputError
-from schuler.ground.frames import dcm_from_euler, dcm_from_quat, euler_from_quat
+from schuler.ground.frames import dcm_from_euler, dcm_from_quat, euler_from_dcm
 from schuler.ground.tables import Table
 from schuler.ground.units import DEG
 from schuler.truth.imu_errors import Measured, measure
@@ -47,7 +48,8 @@ class AidedSuite:
     *_std of a noise: 1 sigma of one row. *_std of a scale, delay (s), arm (m) or angle (rad): 1 sigma of the value
     that is drawn once a run and that a filter may estimate. Arms run from the IMU, body FRD, m.
     gnss_correlated : north east down, m, stationary sigma of a first-order Gauss-Markov process. current: N(0,
-    current_std) per axis and a walk (m/s/sqrt(s)); for speed_is = "air" it is the wind. height_bias: Gauss-Markov.
+    current_std) per axis and a walk (m/s/sqrt(s)); for speed_is = "air" it is the wind. height_walk: of the barometer's
+    offset, m/sqrt(s).
     start_std : position NED (m), velocity NED (m/s), roll pitch heading (rad) of the start that the filter is told.
     landmarks : beacons at known places; None: `beacons` of them on a circle around the track.
     """
@@ -81,15 +83,17 @@ class AidedSuite:
     dvl_delay_std: float = 0.0
     depth_hz: float = 0.0
     depth_std: float = 0.1
+    depth_bias_std: float = 0.0
     height_hz: float = 0.0
     height_std: float = 1.0
     height_bias_std: float = 0.0
-    height_bias_tau: float = 1000.0
+    height_walk: float = 0.0
     magnetometer: Magnetometer | None = None
     year: float = YEAR
     ranges_hz: float = 0.0
     range_std: float = 0.5
     range_scale_std: float = 0.0
+    range_bias_std: float = 0.0
     beacons: int = 4
     beacon_radius: float | None = None
     landmarks: Table | None = None
@@ -165,6 +169,8 @@ class _Vehicle:
         self.tables: dict[str, Callable[[], dict[str, NDArray]]] = {}  # each made once the truth is evaluated
         self.states: States = {}
         self.landmarks: Table | None = None
+        turn = self.drawn("imu.mounting", suite.mounting_std, tuple(f"mounting_{a}" for a in RPY))
+        self.C_vb = np.asarray(dcm_from_euler(*turn))
         self.declination: float | None = None
         self.field_n: Array | None = None
 
@@ -213,16 +219,23 @@ class _Moments:
         """lat, lon, height, v_n of a point of the body, and its velocity in b; `arm` (3,) from the IMU."""
         earth = self.vehicle.path.earth
         lat, lon, height, v_n = (self.of(x) for x in ("lat", "lon", "height", "v_n"))
-        C = dcm_from_quat(self.of("q_nb"))
+        C = self.C_nb
         if not np.any(arm):
             return lat, lon, height, v_n, np.einsum("nji,nj->ni", C, v_n)
-        v_b = np.einsum("nji,nj->ni", C, v_n) + np.cross(self.rate(C), arm)
+        v_b = np.einsum("nji,nj->ni", C, v_n) + np.cross(self.rate, arm)
         lat, lon, height = moved(earth, lat, lon, height, C @ arm)
         return lat, lon, height, np.einsum("nij,nj->ni", C, v_b), v_b
 
-    def rate(self, C: Array) -> Array:
+    @property
+    def C_nb(self) -> Array:
+        """(n, 3, 3): the vehicle's attitude, and the mounting."""
+        return np.asarray(dcm_from_quat(self.of("q_nb")) @ self.vehicle.C_vb)
+
+    @property
+    def rate(self) -> Array:
         """w_eb_b (n, 3): the body against the Earth."""
-        return self.of("w_ib_b") - np.einsum("nji,nj->ni", C, self.vehicle.path.earth.earth_rate_n(self.of("lat")))
+        w_ie_n = self.vehicle.path.earth.earth_rate_n(self.of("lat"))
+        return self.of("w_ib_b") @ self.vehicle.C_vb - np.einsum("nji,nj->ni", self.C_nb, w_ie_n)
 
 
 def moved(earth: Ellipsoid, lat: Array, lon: Array, height: Array, ned: Array) -> tuple[Array, Array, Array]:
@@ -241,7 +254,7 @@ def _reference(v: _Vehicle) -> None:
 
     def rows() -> dict[str, Array]:
         lat, lon, height, v_n, _ = m.place(np.array(v.suite.reference_arm))
-        roll, pitch, heading = euler_from_quat(m.of("q_nb"))
+        roll, pitch, heading = euler_from_dcm(m.C_nb)
         columns = {"time": m.time, "lat": lat, "lon": lon, "height": height}
         columns |= {f"v_{a}": v_n[:, i].copy() for i, a in enumerate(NED)}
         return columns | {"roll": roll, "pitch": pitch, "heading": np.mod(heading, 2.0 * pi)}
@@ -256,6 +269,8 @@ def _gnss(v: _Vehicle) -> None:
     delay = float(v.drawn("gnss.delay", s.gnss_delay_std, ("gnss_delay",), np.array([s.gnss_delay]))[0])
     arm = v.drawn("gnss.lever", s.antenna_std, tuple(f"antenna_lever_{a}" for a in "xyz"), np.array(s.antenna))
     later = delay
+    if s.gnss_velocity_delay_std is None and s.gnss_delay_std > 0.0:
+        v.states["gnss_velocity_delay"] = v.states["gnss_delay"]
     if s.gnss_velocity_delay_std is not None:
         drawn = v.drawn(
             "gnss.velocity_delay", s.gnss_velocity_delay_std, ("gnss_velocity_delay",), np.array([s.gnss_delay])
@@ -299,8 +314,8 @@ def _speed(v: _Vehicle) -> None:
 
     def rows() -> dict[str, Array]:
         *_, v_b = m.place(arm)
-        C = dcm_from_quat(m.of("q_nb"))
-        axial = v_b[:, 0] - C[:, 0, 0] * current[m.kept, 0] - C[:, 1, 0] * current[m.kept, 1]
+        C = dcm_from_quat(m.of("q_nb"))  # of the vehicle's own axes
+        axial = v_b @ v.C_vb[0] - C[:, 0, 0] * current[m.kept, 0] - C[:, 1, 0] * current[m.kept, 1]
         return {"time": m.time, "speed": (1.0 + scale) * axial + noise}
 
     v.tables["speed"] = rows
@@ -313,7 +328,7 @@ def _dvl(v: _Vehicle) -> None:
     scale = float(v.drawn("dvl.scale", s.dvl_scale_std, ("dvl_scale",))[0])
     delay = float(v.drawn("dvl.delay", s.dvl_delay_std, ("dvl_delay",))[0])
     arm = v.drawn("dvl.lever", s.dvl_arm_std, tuple(f"dvl_lever_{a}" for a in "xyz"), np.array(s.dvl_arm))
-    turn = v.drawn("dvl.misalignment", s.dvl_misalignment_std, tuple(f"dvl_misalignment_{a}" for a in RPY))
+    turn = v.drawn("dvl.misalignment", s.dvl_misalignment_std, tuple(f"dvl_misalignment_{a}" for a in "xyz"))
     m = v.moments(s.dvl_hz, delay)
     noise = (s.dvl_std * v.random("dvl.noise").standard_normal((len(m.kept), 3)))[m.kept]
 
@@ -330,8 +345,9 @@ def _depth(v: _Vehicle) -> None:
     if s.depth_hz <= 0.0:
         return
     m = v.moments(s.depth_hz)
-    noise = s.depth_std * v.normal("depth.noise", len(m.kept))
-    v.tables["depth"] = lambda: {"time": m.time, "depth": -m.of("height") + noise[m.kept]}
+    noise = (s.depth_std * v.normal("depth.noise", len(m.kept)))[m.kept]
+    bias = float(v.drawn("depth.bias", s.depth_bias_std, ("depth_bias",))[0])  # ellipsoidal height of its zero
+    v.tables["depth"] = lambda: {"time": m.time, "depth": bias - m.of("height") + noise}
 
 
 def _height(v: _Vehicle) -> None:
@@ -339,10 +355,10 @@ def _height(v: _Vehicle) -> None:
     if s.height_hz <= 0.0:
         return
     m = v.moments(s.height_hz)
-    slow = Walk(v.random("height.bias"), np.array([s.height_bias_std]), s.height_bias_tau, 1.0 / s.height_hz)
-    bias = slow.advance(len(m.kept))[m.kept, 0]
+    walk = Walk(v.random("height.walk"), np.array([s.height_walk]), None, 1.0 / s.height_hz)
+    bias = (s.height_bias_std * v.normal("height.bias", 1) + walk.advance(len(m.kept))[:, 0])[m.kept]
     noise = (s.height_std * v.normal("height.noise", len(m.kept)))[m.kept]
-    if slow.active:
+    if s.height_bias_std > 0.0 or walk.active:
         v.states["height_bias"] = (m.time, bias)
     v.tables["height"] = lambda: {"time": m.time, "height": m.of("height") + bias + noise}
 
@@ -353,6 +369,7 @@ def _ranges(v: _Vehicle) -> None:
         return
     v.landmarks = s.landmarks or _beacons(v)
     scale = float(v.drawn("range.scale", s.range_scale_std, ("range_scale",))[0])
+    bias = float(v.drawn("range.bias", s.range_bias_std, ("range_bias",))[0])
     m = v.moments(s.ranges_hz)
     count = len(v.landmarks)
     noise = (s.range_std * v.random("range.noise").standard_normal((len(m.kept), count)))[m.kept]
@@ -362,7 +379,7 @@ def _ranges(v: _Vehicle) -> None:
         assert v.landmarks is not None
         here = v.path.earth.ecef_from_geodetic(m.of("lat"), m.of("lon"), m.of("height"))
         true = np.linalg.norm(here[:, None, :] - points[None], axis=2)
-        seen = (1.0 + scale) * true + noise
+        seen = (1.0 + scale) * true + bias + noise
         n = len(m.time)
         return {
             "time": np.repeat(m.time, count),
@@ -399,8 +416,8 @@ def _start(v: _Vehicle) -> AidedStart:
     std = np.asarray(v.suite.start_std, dtype=np.float64)
     error = std * v.normal("start", 9)
     true = v.path.at(0.0)
+    rpy = np.array([float(x[0]) for x in euler_from_dcm(dcm_from_quat(true.q_nb) @ v.C_vb)]) + error[6:]
     lat, lon, height = moved(v.path.earth, true.lat, true.lon, true.height, error[None, :3])
-    rpy = true.rpy[0] + error[6:]
     rpy[2] = np.mod(rpy[2], 2.0 * pi)
     v_n = true.v_n[0] + error[3:6]
     return AidedStart(float(true.time[0]), float(lat[0]), float(lon[0]), float(height[0]), v_n, rpy, std)
@@ -410,10 +427,9 @@ def _imu(v: _Vehicle, imu: ImuModel, rate_hz: float) -> tuple[Measured, dict[str
     """The imu table in IMU axes, with the magnetometer where there is one."""
     s = v.suite
     ideal = v.path.ideal(rate_hz, every=1 if s.magnetometer is not None else max(1, round(rate_hz)))
-    turn = v.drawn("imu.mounting", s.mounting_std, tuple(f"mounting_{a}" for a in RPY))
-    C = dcm_from_euler(*turn) @ dcm_from_euler(*s.imu_to_body)
+    C = v.C_vb @ dcm_from_euler(*s.imu_to_body)
     if not np.array_equal(C, np.eye(3)):
-        ideal = replace(ideal, dtheta=ideal.dtheta @ C, dv=ideal.dv @ C)  # f_b = C f_imu
+        ideal = replace(ideal, dtheta=ideal.dtheta @ C, dv=ideal.dv @ C)  # f_vehicle = C f_imu
     measured = measure(ideal, imu, seed=v.seed, run=v.run)
     table = measured.table(s.imu_kind)
     if s.magnetometer is None:
@@ -423,16 +439,20 @@ def _imu(v: _Vehicle, imu: ImuModel, rate_hz: float) -> tuple[Measured, dict[str
 
 
 def _compass(v: _Vehicle, m: Magnetometer, truth: Truth, C: Array, dt: float) -> dict[str, Array]:
-    """mag_x.. (T) in IMU axes: the field of WMM along the track, bias, hard iron and noise of the instrument."""
+    """mag_x.. (T) in IMU axes: the field of WMM along the track, offset, hard iron and noise of the instrument.
+
+    The hard iron is a true state in body axes.
+    """
     start, field_n = along(v.path, truth, v.suite.year)
     v.field_n = start
     v.declination = float(np.arctan2(start[1], start[0]))
     field_b = np.einsum("nji,nj->ni", dcm_from_quat(truth.q_nb), field_n)
-    # Seen by a sensor turned clockwise by the bias, the field lies further to the left: heading + bias is read.
-    bias = float(v.drawn("mag.bias", m.bias_deg * DEG, ("mag_heading_bias",))[0])
+    # Seen by a sensor turned clockwise by the offset, the field lies further to the left: heading + offset is read.
+    bias = float(v.drawn("mag.bias", m.bias_deg * DEG, ("heading_offset",))[0])
     cos, sin = np.cos(bias), np.sin(bias)
     turned = field_b @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     iron = v.drawn("mag.hard_iron", m.hard_iron_ut * 1e-6, tuple(f"mag_bias_{a}" for a in "xyz"))
+    iron = iron @ dcm_from_euler(*v.suite.imu_to_body)
     horizontal = float(np.hypot(start[0], start[1]))
     noise = Walk(v.random("mag.noise"), np.full(3, m.noise_deg * DEG * horizontal), m.tau_s, dt).advance(len(truth))
     seen = turned @ C + iron + noise

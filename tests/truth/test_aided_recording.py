@@ -181,8 +181,8 @@ def test_arms_and_reference_are_of_the_body_and_the_log_is_of_the_vehicle() -> N
 NOISY = AidedSuite(
     gnss_correlated=(2.0, 2.0, 3.0), gnss_correlated_tau=20.0, gnss_hz=2.0, speed_hz=1.0, speed_scale_std=0.01,
     speed_is="water", current_walk=0.001, dvl_hz=1.0, dvl_scale_std=0.003, depth_hz=1.0, height_hz=1.0,
-    height_bias_std=3.0, height_walk=0.02, range_bias_std=0.3, ranges_hz=1.0, magnetometer=Magnetometer(), mounting_std=0.02,
-    gnss_delay_std=0.05, antenna_std=0.1, start_std=(1.0,) * 9,
+    height_bias_std=3.0, height_walk=0.02, range_bias_std=0.3, ranges_hz=1.0, magnetometer=Magnetometer(),
+    mounting_std=0.02, gnss_delay_std=0.05, antenna_std=0.1, start_std=(1.0,) * 9,
 )  # fmt: skip
 IMU = ImuModel(gyro_arw_deg_per_sqrt_h=0.1, gyro_bias_deg_per_h=1.0, accel_bias_ug=100.0)
 
@@ -252,13 +252,20 @@ def test_errors_have_the_size_and_memory_that_was_asked_for() -> None:
 
 def test_what_is_drawn_once_has_its_sigma_over_the_runs() -> None:
     path = replace(STILL, duration=3.0)
-    suite = replace(NOISY, magnetometer=Magnetometer(hard_iron_ut=2.0), dvl_misalignment_std=0.01, speed_arm_std=0.2, depth_bias_std=20.0)
+    suite = replace(
+        NOISY,
+        magnetometer=Magnetometer(hard_iron_ut=2.0),
+        dvl_misalignment_std=0.01,
+        speed_arm_std=0.2,
+        depth_bias_std=20.0,
+    )
     imu = ImuModel(gyro_bias_deg_per_h=10.0, accel_scale_ppm=500.0)
     runs = [simulate(path, imu, suite, 10.0, seed=1, run=k) for k in range(150)]
     sigmas = {
         "gnss_delay": 0.05, "antenna_lever_y": 0.1, "mounting_pitch": 0.02, "speed_scale": 0.01, "dvl_scale": 0.003,
         "dvl_misalignment_z": 0.01, "speed_lever_x": 0.2, "current_east": 0.3, "gnss_bias_north": 2.0,
-        "height_bias": 3.0, "range_bias": 0.3, "depth_bias": 20.0, "heading_offset": 2.0 * D, "mag_bias_x": 2e-6, "gyro_bias_z": 10.0 * D / 3600.0,
+        "height_bias": 3.0, "range_bias": 0.3, "depth_bias": 20.0,
+        "heading_offset": 2.0 * D, "mag_bias_x": 2e-6, "gyro_bias_z": 10.0 * D / 3600.0,
         "accel_scale_y": 5e-4,
     }  # fmt: skip
     for name, sigma in sigmas.items():

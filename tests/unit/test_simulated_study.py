@@ -73,9 +73,7 @@ def test_what_the_filter_estimates_is_drawn_with_its_prior_and_nothing_else() ->
 
 
 def test_a_study_becomes_a_recording() -> None:
-    r = simulation(
-        raw(simulate={"ranges_hz": 1.0, "beacons": 3, "speed_hz": 10.0, "mounting_deg": 0.0})
-    ).record(seed=1)
+    r = simulation(raw(simulate={"ranges_hz": 1.0, "beacons": 3, "speed_hz": 10.0, "mounting_deg": 0.0})).record(seed=1)
     assert {n: len(t) for n, t in r.tables.items()} == {
         "imu": 10000, "gnss": 200, "speed": 2000, "ranges": 600, "landmarks": 3
     }  # fmt: skip

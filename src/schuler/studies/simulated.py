@@ -136,9 +136,7 @@ def suite_of(study: Study) -> AidedSuite:
     if s.magnetometer:
         offset = drawn(s.heading_offset_deg, "heading_offset", f.heading_offset_std, DEG)
         iron = drawn(s.mag_bias_ut, "mag_bias", f.mag_bias_std, 1e-6)
-        compass = Magnetometer(
-            bias_deg=offset / DEG, noise_deg=n.mag_deg, tau_s=COMPASS_TAU_S, hard_iron_ut=iron * 1e6
-        )
+        compass = Magnetometer(bias_deg=offset / DEG, noise_deg=n.mag_deg, tau_s=COMPASS_TAU_S, hard_iron_ut=iron * 1e6)
     later = s.gnss_velocity_delay_s
     if later is None and ("gnss_velocity_delay" in found) != ("gnss_delay" in found):
         later = f.gnss_delay_std if "gnss_velocity_delay" in found else 0.0

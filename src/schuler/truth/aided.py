@@ -6,8 +6,8 @@ quantity draws from a stream of its own: another sensor changes nobody's numbers
 
 Body b is the IMU's axes turned by imu_to_body, as a study types it: the arms are along its axes, the reference is its
 attitude, f_b = C(imu_to_body) f_imu with C(rpy) = Rz(yaw) Ry(pitch) Rx(roll). The vehicle's own axes, which follow the
-path and along which it rolls and its log feels the speed, differ by the mounting angles, the small rest that a filter may
-find: v_vehicle = C(mounting) v_b.
+path and along which its log feels the speed, differ by the mounting angles, the small rest that a filter may find:
+v_vehicle = C(mounting) v_b.
 """
 
 from __future__ import annotations

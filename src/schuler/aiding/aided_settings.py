@@ -98,6 +98,7 @@ class AidedSettings:
     constraints: tuple[str, ...] = ()
     nhc_point: Vector = (0.0, 0.0, 0.0)
     nhc_std: tuple[float, float] = (0.06, 0.10)
+    nhc_sway: tuple[float, float] = (0.0, 0.0)  # rad: a body on springs and tyres yaws and pitches
     nhc_slip: float = 0.002  # s^2/m: side slip of a tyre, per lateral acceleration
     nhc_interval: float = 0.1
     zupt_std: float = 0.05
@@ -244,6 +245,7 @@ def configuration(s: AidedSettings, interval: float) -> Array:
     c[k.NHC_Y], c[k.NHC_Z] = s.nhc_std
     c[k.NHC : k.NHC + 3] = s.nhc_point
     c[k.SLIP] = s.nhc_slip
+    c[k.SWAY_Y], c[k.SWAY_Z] = s.nhc_sway
     standing = "zupt" in s.constraints or "zaru" in s.constraints
     c[k.STILL_DT] = s.still_interval if standing else 0.0
     c[k.ZUPT] = s.zupt_std if "zupt" in s.constraints else 0.0

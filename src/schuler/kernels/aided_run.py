@@ -62,6 +62,8 @@ from .aided_state import (
     SLIP,
     STILL_DT,
     STILL_S,
+    SWAY_Y,
+    SWAY_Z,
     TD,
     TG,
     TNHC,
@@ -215,8 +217,8 @@ def vehicle_constraints(x, P, ie, c, dx, ring, still, H, r, R, inner_t, inner_k,
             nonholonomic(x, ie, c, look, H, r)
             v2 = x[VEL] * x[VEL] + x[VEL + 1] * x[VEL + 1]
             slip = c[SLIP] * v2 * math.sqrt(x[W] * x[W] + x[W + 1] * x[W + 1] + x[W + 2] * x[W + 2])
-            R[0] = c[NHC_Y] * c[NHC_Y] + slip * slip
-            R[1] = c[NHC_Z] * c[NHC_Z]
+            R[0] = c[NHC_Y] * c[NHC_Y] + slip * slip + c[SWAY_Y] * c[SWAY_Y] * v2
+            R[1] = c[NHC_Z] * c[NHC_Z] + c[SWAY_Z] * c[SWAY_Z] * v2
             kind, m = NONHOLONOMIC, 2
         take(x, P, ie, c, dx, H, r, R, 0, m, kind, -1, one)
         i = n[INNER]

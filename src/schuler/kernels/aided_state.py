@@ -72,7 +72,8 @@ DECL, MAG_STD = 25, 26
 FOCAL, U0, V0, CAM, C_CB = 27, 28, 29, 30, 33  # camera: focal length px, principal point, arm (3), C_cb (9)
 NODE_DT = 42
 T0 = 43
-NC = 44
+SWAY_Y, SWAY_Z = 44, 45  # constraint: angles that a body on springs and tyres yaws and pitches by, rad
+NC = 46
 
 RING = 1024
 RING_W = 14  # time, displacement (3), velocity integral (3), quaternion (4), rate (3)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from schuler.aiding.aided_engine import SMOOTHER_BYTES, Engine, Kept, max_nodes, node_bytes, room, rows_out
 from schuler.aiding.aided_lag import stamp_lag, velocity_lag
-from schuler.aiding.aided_rows import Events, events_of, imu_rows, sensors_present, slow_sigma
+from schuler.aiding.aided_rows import Events, events_of, imu_rows, sensors_present, slow_sigma, speed_of
 from schuler.aiding.aided_sensors import Sensor, merged, take_own
 from schuler.aiding.aided_settings import AidedSettings, Layout, Start, chosen, layout_of
 from schuler.aiding.aided_start import find_start
@@ -77,7 +77,7 @@ def navigate(tables: Tables, settings: AidedSettings, sensors: Sequence[Sensor] 
     events = events_of(tables, settings)
     notes += events.notes
     events = merged(events, sensors)
-    still = _standing(rows, gnss, settings)
+    still = _standing(rows, gnss, tables.get("speed"), settings)
     start, engine = find_start(rows, still, events, tables, settings, layout)
     notes += start.notes
     first = int(np.searchsorted(rows[:, 0], start.time + 1e-9))
@@ -150,12 +150,21 @@ def settled(tables: Tables, settings: AidedSettings) -> tuple[AidedSettings, lis
     return replace(settings, estimate=names), notes
 
 
-def _standing(rows: Array, gnss: Table | None, s: AidedSettings) -> NDArray[np.bool_]:
+def _standing(rows: Array, gnss: Table | None, wheels: Table | None, s: AidedSettings) -> NDArray[np.bool_]:
     if "zupt" not in s.constraints and "zaru" not in s.constraints:
         return np.zeros(len(rows), dtype=bool)
+    times, speeds = [], []
     if gnss is not None and "v_north" in gnss and "v_east" in gnss:
-        return standing(rows, gnss.time, np.hypot(gnss["v_north"], gnss["v_east"]))
-    return standing(rows)
+        times.append(gnss.time - s.gnss_delay)
+        speeds.append(np.hypot(gnss["v_north"], gnss["v_east"]))
+    if wheels is not None and s.speed_is == "ground":
+        times.append(wheels.time)
+        speeds.append(np.abs(speed_of(wheels)))
+    if not times:
+        return standing(rows)
+    time, speed = np.concatenate(times), np.concatenate(speeds)
+    order = np.argsort(time, kind="stable")
+    return standing(rows, time[order], speed[order])
 
 
 def _navigation(

@@ -19,6 +19,8 @@ from schuler.ground.tables import Table, Tables
 Array = NDArray[np.float64]
 MAG_HZ = 5.0  # a disturbed field lasts: more rows a second would tell nothing new
 ATTITUDE_HZ = 1.0
+SPEED_HZ = {"ground": 10.0, "water": 2.0, "air": 2.0}  # waves and gusts last
+HEIGHT_HZ = 2.0
 COURSE_MPS = 1.0  # slower, a course says nothing
 MAG = ("mag_x", "mag_y", "mag_z")
 
@@ -125,7 +127,9 @@ def events_of(tables: Tables, s: AidedSettings) -> Events:
     if "speed" in tables:
         v = tables["speed"]
         speed = speed_of(v)
-        add(k.SPEED, v, [speed, nan, nan, _sigma(v, "std_speed", s.speed_std)], np.isfinite(speed))
+        keep = np.isfinite(speed)
+        keep[np.flatnonzero(keep)] = _thinned(v.time[keep], SPEED_HZ[s.speed_is])
+        add(k.SPEED, v, [speed, nan, nan, _sigma(v, "std_speed", s.speed_std)], keep)
     if "dvl" in tables:
         d = tables["dvl"]
         std_d = [_sigma(d, f"std_v_{a}", s.dvl_std) for a in "xyz"]
@@ -136,7 +140,9 @@ def events_of(tables: Tables, s: AidedSettings) -> Events:
         add(k.DEPTH, d, [d["depth"], nan, nan, _sigma(d, "std_depth", s.depth_std)], np.isfinite(d["depth"]))
     if "height" in tables:
         h = tables["height"]
-        add(k.HEIGHT, h, [h["height"], nan, nan, _sigma(h, "std_height", s.height_std)], np.isfinite(h["height"]))
+        keep = np.isfinite(h["height"])
+        keep[np.flatnonzero(keep)] = _thinned(h.time[keep], HEIGHT_HZ)
+        add(k.HEIGHT, h, [h["height"], nan, nan, _sigma(h, "std_height", s.height_std)], keep)
     if "attitude" in tables:
         a = tables["attitude"]
         heading = a["heading"] if "heading" in a else a["heading_mag"] + s.declination

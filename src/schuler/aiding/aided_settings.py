@@ -98,7 +98,7 @@ class AidedSettings:
     constraints: tuple[str, ...] = ()
     nhc_point: Vector = (0.0, 0.0, 0.0)
     nhc_std: tuple[float, float] = (0.06, 0.10)
-    nhc_sway: tuple[float, float] = (0.0, 0.0)  # rad: a body on springs and tyres yaws and pitches
+    nhc_sway: tuple[float, float] = (0.01, 0.03)  # rad: a body on springs and tyres yaws and pitches
     nhc_slip: float = 0.002  # s^2/m: side slip of a tyre, per lateral acceleration
     nhc_interval: float = 0.1
     zupt_std: float = 0.05

@@ -11,6 +11,7 @@ WINDOW_S = 0.6
 GYRO_QUIET = 0.02  # rad/s, 1 sigma of a sample over the window
 ACCEL_QUIET = 0.35  # m/s^2
 TURN = 0.02  # rad/s off the bias
+APART = 1.5  # how much louder motion must be than rest, else only fixes and wheels tell standing
 SLOW = 0.3  # m/s, of a fix's velocity
 
 
@@ -28,8 +29,9 @@ def _running(values: Array, n: int) -> tuple[Array, Array]:
 def standing(rows: Array, fix_time: Array | None = None, fix_speed: Array | None = None) -> NDArray[np.bool_]:
     """(k,) whether the IMU rows (k, 7) look like standing: quiet over the last 0.6 s, not turning.
 
-    fix_time, fix_speed: speeds over ground where fixes tell them. They set how quiet standing is for this vehicle (the
-    quiet of rows with and without motion must differ, else nothing is called standing) and forbid it while they move.
+    fix_time, fix_speed: speeds over ground where fixes or wheels tell them. They set how quiet standing is for this
+    vehicle and forbid it while they move; where rest and motion sound alike (a simulation, a smooth rail) it stands only
+    while they say so.
     """
     n = len(rows)
     if n < 20:
@@ -42,6 +44,7 @@ def standing(rows: Array, fix_time: Array | None = None, fix_speed: Array | None
     hum = np.column_stack([np.linalg.norm(std_w, axis=1), np.linalg.norm(std_f, axis=1)])
     limits = np.array([GYRO_QUIET, ACCEL_QUIET])
     slow = np.ones(n, dtype=bool)
+    heard = True  # whether standing can be told from rolling by ear
     if fix_time is not None and fix_speed is not None:
         good = np.isfinite(fix_speed)
         if good.sum() > 10:
@@ -53,9 +56,13 @@ def standing(rows: Array, fix_time: Array | None = None, fix_speed: Array | None
             if len(at_rest) > 5 * width and len(moving) > 5 * width:
                 high = np.quantile(at_rest, 0.8, axis=0)
                 low = np.quantile(moving, 0.02, axis=0)
-                limits = np.minimum(np.maximum(limits, 1.2 * high), np.maximum(low, 0.25 * limits))
+                apart = low > APART * high
+                limits = np.where(
+                    apart, np.minimum(np.maximum(limits, 1.2 * high), low), np.maximum(limits, 1.2 * high)
+                )
+                heard = bool(apart.any())
             with np.errstate(invalid="ignore"):
-                slow = ~(speed > SLOW)
+                slow = ~(speed > SLOW) if heard else speed <= SLOW
     quiet = (hum < limits).all(axis=1) & slow
     if quiet.any():
         bias = np.median(mean_w[quiet], axis=0)

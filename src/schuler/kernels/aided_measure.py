@@ -450,6 +450,27 @@ def distance(x, ie, z, H, r):
 
 
 @njit(cache=True, error_model="numpy")
+def curvature(P, r0, r1, r2, rho):
+    """Variance that a range's curvature adds, m^2: tr((Hxx P)^2)/2, Hxx = (I - u u')/rho, u = (r0, r1, r2) unit.
+
+    Without it a filter whose linearisation point moves learns what a range does not tell (the height, in a plane).
+    """
+    M = np.empty((3, 3))
+    for i in range(3):
+        ui = r0 if i == 0 else r1 if i == 1 else r2
+        for j in range(3):
+            v = P[DR + i, DR + j]
+            for m in range(3):
+                v -= ui * (r0 if m == 0 else r1 if m == 1 else r2) * P[DR + m, DR + j]
+            M[i, j] = v / rho
+    t = 0.0
+    for i in range(3):
+        for j in range(3):
+            t += M[i, j] * M[j, i]
+    return 0.5 * t
+
+
+@njit(cache=True, error_model="numpy")
 def standing_velocity(x, H, r):
     """Zero velocity: three rows, m/s."""
     for i in range(3):

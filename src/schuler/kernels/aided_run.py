@@ -32,6 +32,7 @@ from .aided_measure import (
     attitude,
     bottom_track,
     course,
+    curvature,
     depth,
     distance,
     euler_slopes,
@@ -50,6 +51,7 @@ from .aided_state import (
     BADH,
     BADS,
     BADV,
+    DR,
     DTRAW,
     KEPT,
     NEXT,
@@ -175,7 +177,7 @@ def measure(x, P, ie, c, dx, ring, kind, z, H, r, R, out):
         take(x, P, ie, c, dx, H, r, R, 0, 1, MAGNETOMETER, -1, out[0])
     elif kind == RANGE:
         distance(x, ie, z, H, r)
-        R[0] = z[5] * z[5]
+        R[0] = z[5] * z[5] + curvature(P, H[0, DR], H[0, DR + 1], H[0, DR + 2], max(z[0], 0.1))
         take(x, P, ie, c, dx, H, r, R, 0, 1, RANGE, -1, out[0])
     return g0, g0, g1
 

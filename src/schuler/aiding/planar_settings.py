@@ -38,7 +38,7 @@ class PlanarSettings:
 
     start: Start = Start()
     gyro_arw: float = radians(0.05)  # rad/sqrt(s)
-    gyro_bias_std: float = radians(0.5)  # rad/s at turn-on
+    gyro_bias_std: float = radians(0.3)  # rad/s at turn-on
     gyro_instability: float = radians(0.01)  # rad/s in run
     gyro_tau: float = 300.0
     gyro_scale_std: float = 0.005
@@ -60,8 +60,8 @@ class PlanarSettings:
     range_bias_std: float = 0.3
     range_bias_tau: float = inf
     antenna: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    soft: float = 9.0  # squared innovation per degree of freedom from which a measurement counts less ...
-    hard: float = 36.0  # ... and from which it is left out
+    soft: float = 5.0  # squared innovation per degree of freedom from which a measurement counts less ...
+    hard: float = 30.0  # ... and from which it is left out
     patience: float = 15.0  # s: what contradicts for longer is believed
     smoother: bool = True
     output_rate: float | None = None  # Hz; None: 10 with an IMU, else every row; inf: every row

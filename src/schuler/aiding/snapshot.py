@@ -236,9 +236,9 @@ class SnapshotFixes:
         N = A.T @ A
         if np.linalg.cond(N) > 1e14:
             return None
-        # as much larger as the residuals that still count are larger than their sigmas
+        # as much larger as the residuals that still count are larger than their sigmas, and as less weight is left
         spread = float(np.sum(weight * u**2) / max(float(np.sum(weight)) - (size - len(known)), 1.0))
-        cov = np.linalg.inv(N)[:3, :3] * max(spread, 1.0)
+        cov = np.linalg.inv(N)[:3, :3] * max(spread, 1.0) * len(u) / float(np.sum(weight))
         return x, cost, weight, cov, spread
 
 

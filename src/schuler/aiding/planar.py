@@ -8,6 +8,7 @@ lies before it knows only what was known then (`kernels.planar.run`).
 from __future__ import annotations
 
 from math import inf
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,9 +78,10 @@ def navigate(tables: Tables, settings: PlanarSettings, plane: Plane | None = Non
     m.time, m.kind, m.z = mt, mk, mz
     begin = find(track, m, settings, plane)
     notes += begin.notes
+    all_t = rows_t
     rows_t = rows_t[rows_t >= begin.told]
     if not len(rows_t):
-        rows_t = np.array([last])
+        rows_t = all_t = np.array([last])
 
     x, P = _initial(settings, begin, len(m.beacons), bool((mk == k.FIX).any()))
     n = len(x)
@@ -93,7 +95,7 @@ def navigate(tables: Tables, settings: PlanarSettings, plane: Plane | None = Non
     o_turn = np.searchsorted(track.need_turn, rows_t, side="right") - 1
     is_node = np.zeros(len(ends), dtype=bool)
     is_node[0] = is_node[-1] = True
-    is_node[o_to] = True
+    is_node[np.searchsorted(ends, all_t, side="left")] = True
     is_node[np.searchsorted(ends, mt, side="left")] = True
     nn = int(is_node.sum())
     smoother = settings.smoother
@@ -122,13 +124,43 @@ def navigate(tables: Tables, settings: PlanarSettings, plane: Plane | None = Non
         smooth(*nodes)
         smoothed, uP = nodes[2], nodes[3]
         smoothed_std = np.sqrt(np.maximum(np.einsum("nii->ni", uP), 0.0))
-        row = np.searchsorted(node_t, rows_t, side="left")
+        row = np.searchsorted(node_t, all_t, side="left")  # a smoothed row knows the start that was found later
         d = k.MOVING
-        result.smoother = _solution(plane, rows_t, smoothed[row, :d], uP[row][:, :d, :d])
+        result.smoother = _solution(plane, all_t, smoothed[row, :d], uP[row][:, :d, :d])
     slow = [float(np.median(mz[mk == k.FIX, 4 + i])) if (mk == k.FIX).any() else 0.0 for i in (0, 1)]
     result.states = _histories(node_t, states, ustd, smoothed, smoothed_std, m.beacons, slow, begin.told)
+    result.extras["beacons"] = _beacons(m, plane, innov, begin.told, result.states)
     _tell_rejections(result)
     return result
+
+
+def _beacons(
+    m: motion.Measurements, plane: Plane, innov: Array, told: float, states: dict[str, StateHistory]
+) -> list[dict[str, Any]]:
+    """One entry a beacon: id, place, how its ranges fitted after the start, and the bias that was learnt."""
+    from schuler.kernels.planar import RANGE
+
+    out = []
+    for i, name in enumerate(m.beacons):
+        rows = (m.kind == RANGE) & (m.z[:, 2] == i) & (m.time > told)
+        used = innov[rows, 5] > 0.0
+        y, nis = innov[rows, 0][used], innov[rows, 4][used]
+        lat, lon = plane.geodetic(m.place[i, 0], m.place[i, 1])
+        bias = states.get(f"range_bias_{name}")
+        out.append(
+            {
+                "id": name,
+                "lat": float(lat),
+                "lon": float(lon),
+                "ranges": int(rows.sum()),
+                "left_out": int((~used).sum()),
+                "rms_m": float(np.sqrt(np.mean(y**2))) if len(y) else None,
+                "nis": float(np.mean(nis)) if len(nis) else None,
+                "bias_m": float(bias.value[-1]) if bias is not None and len(bias.value) else None,
+                "std_m": float(bias.std[-1]) if bias is not None and len(bias.std) else None,
+            }
+        )
+    return out
 
 
 def _sorted(

@@ -98,6 +98,25 @@ class Plane:
         return np.asarray(wrap_pi(np.asarray(lon, dtype=np.float64) - self.lon) * np.sin(middle), dtype=np.float64)
 
 
+@dataclass(frozen=True)
+class Metres:
+    """Tables in metres: their plane, what was taken off before it, and whether its place on the Earth is known."""
+
+    plane: Plane
+    north: float = 0.0
+    east: float = 0.0
+    placed: bool = False
+
+    def geodetic(self, north: ArrayLike, east: ArrayLike) -> tuple[Array, Array]:
+        """Places (rad) that stand for metres of the tables."""
+        return self.plane.geodetic(np.asarray(north) - self.north, np.asarray(east) - self.east)
+
+    def north_east(self, lat: ArrayLike, lon: ArrayLike) -> tuple[Array, Array]:
+        """Metres as the tables count them."""
+        north, east = self.plane.north_east(lat, lon)
+        return north + self.north, east + self.east
+
+
 def configuration(s: PlanarSettings) -> Array:
     """The kernel's configuration vector (`kernels.planar`)."""
     from schuler.kernels import planar as k

@@ -6,6 +6,7 @@ Everything is SI and radians. Frames: n = NED at the vehicle, b = forward-right-
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,3 +79,4 @@ class Navigation:
     states: dict[str, StateHistory] = field(default_factory=dict)
     innovations: dict[str, Innovations] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    extras: dict[str, Any] = field(default_factory=dict)  # what a kind adds: "metres", "beacons"

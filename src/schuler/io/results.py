@@ -14,6 +14,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.aiding.planar_settings import Metres
 from schuler.aiding.solution import Navigation, Solution
 from schuler.ground.errors import InputError
 
@@ -93,8 +94,12 @@ def result_folder(out: str | Path) -> Iterator[Path]:
 # ---- the files ----
 
 
-def track_columns(solution: Solution) -> dict[str, Array]:
-    """Columns of solution.csv in its units and order; those that are not known anywhere are left out."""
+def track_columns(solution: Solution, metres: Metres | None = None) -> dict[str, Array]:
+    """Columns of solution.csv in its units and order; those that are not known anywhere are left out.
+
+    metres : the plane of a study whose tables are in metres: north and east are told too, and instead of latitude and
+    longitude where nobody said where on the Earth the plane lies.
+    """
 
     def root(cov: Array, k: int) -> Array:
         return np.sqrt(np.maximum(cov[:, k, k], 0.0))
@@ -112,6 +117,11 @@ def track_columns(solution: Solution) -> dict[str, Array]:
         "pitch[deg]": solution.rpy[:, 1] / DEG,
         "heading[deg]": np.mod(solution.rpy[:, 2], 2.0 * np.pi) / DEG,
     }
+    if metres is not None:
+        north, east = metres.north_east(solution.lat, solution.lon)
+        placed = ("lat[deg]", "lon[deg]") if metres.placed else ()
+        told = {k: columns[k] for k in ("time[s]", *placed)} | {"north[m]": north, "east[m]": east}
+        columns = told | {k: v for k, v in columns.items() if k not in ("lat[deg]", "lon[deg]")}
     for k, axis in enumerate(("north", "east", "down")):
         columns[f"std_{axis}[m]"] = root(solution.cov_pos, k)
     for k, axis in enumerate(("north", "east", "down")):
@@ -133,9 +143,9 @@ def write_columns(path: str | Path, columns: Mapping[str, Array], digits: Mappin
             file.write((row * len(part)) % tuple(part.ravel().tolist()))
 
 
-def write_track(path: str | Path, solution: Solution) -> None:
+def write_track(path: str | Path, solution: Solution, metres: Metres | None = None) -> None:
     """solution.csv or smoothed.csv: latitude and longitude with 12 digits after the point."""
-    write_columns(path, track_columns(solution), {"lat[deg]": 12, "lon[deg]": 12})
+    write_columns(path, track_columns(solution, metres), {"lat[deg]": 12, "lon[deg]": 12})
 
 
 def plain(value: Any) -> Any:
@@ -171,8 +181,12 @@ def kml_text(name: str, navigation: Navigation, places: Sequence[tuple[str, floa
         f"<name>{_xml(name)}</name>",
         _kml_style("filter", "ff3c82e6"),
         _kml_style("smoothed", "ffb4781e"),
-        _kml_line("filter", navigation.filter),
     ]
+    metres = navigation.extras.get("metres")
+    if metres is not None and not metres.placed:
+        where = "This track is in metres; type lat_deg and lon_deg of their origin under [start] to see it on a map."
+        return "\n".join([*parts, f"<description>{where}</description>", "</Document>", "</kml>", ""])
+    parts.append(_kml_line("filter", navigation.filter))
     if navigation.smoother is not None:
         parts.append(_kml_line("smoothed", navigation.smoother))
     known = np.flatnonzero(np.isfinite(navigation.filter.lat) & np.isfinite(navigation.filter.lon))
@@ -230,9 +244,10 @@ def write_results(
 ) -> Path:
     """Writes a result folder and returns it. page: the text of report.html; places: marks for the map (rad)."""
     with result_folder(out) as folder:
-        write_track(folder / "solution.csv", navigation.filter)
+        metres = navigation.extras.get("metres")
+        write_track(folder / "solution.csv", navigation.filter, metres)
         if navigation.smoother is not None:
-            write_track(folder / "smoothed.csv", navigation.smoother)
+            write_track(folder / "smoothed.csv", navigation.smoother, metres)
         (folder / "track.kml").write_text(kml_text(name, navigation, places), encoding="utf-8", newline="\n")
         (folder / "report.html").write_text(page, encoding="utf-8", newline="\n")
         (folder / "summary.json").write_text(json_text(summary), encoding="utf-8", newline="\n")

@@ -146,16 +146,33 @@ def advance(x, P, Phi, T, c, dt, us, qs, sv2, uw, qw, sw2):
     P[EAST, EAST] += along * si * si + across * co * co
     P[NORTH, EAST] += (along - across) * co * si
     P[EAST, NORTH] = P[NORTH, EAST]
-    P[PSI, PSI] += c[Q_TURN] * c[Q_TURN] * abs(w1) * dt
+    # heading's noise bends the path within the piece as well: aside by the integral of speed times heading
+    q = c[Q_TURN] * c[Q_TURN] * abs(w1)
     if knows_turn:
-        P[PSI, PSI] += qw * dt
+        q += qw
         P[W, W] += sw2
-    else:
+    bent = q * dt
+    side = v1 * q * dt * dt / 2.0
+    aside = v1 * v1 * q * dt * dt * dt / 3.0
+    if not knows_turn:
         q = c[Q_W] * c[Q_W]
-        P[PSI, PSI] += q * dt * dt * dt / 3.0
         P[W, W] += q * dt
         P[PSI, W] += 0.5 * q * dt * dt
         P[W, PSI] = P[PSI, W]
+        bent += q * dt**3 / 3.0
+        side += v1 * q * dt**4 / 8.0
+        aside += v1 * v1 * q * dt**5 / 20.0
+        P[NORTH, W] -= v1 * q * dt**3 / 6.0 * si
+        P[EAST, W] += v1 * q * dt**3 / 6.0 * co
+        P[W, NORTH], P[W, EAST] = P[NORTH, W], P[EAST, W]
+    P[PSI, PSI] += bent
+    P[NORTH, PSI] -= side * si
+    P[EAST, PSI] += side * co
+    P[PSI, NORTH], P[PSI, EAST] = P[NORTH, PSI], P[EAST, PSI]
+    P[NORTH, NORTH] += aside * si * si
+    P[EAST, EAST] += aside * co * co
+    P[NORTH, EAST] -= aside * co * si
+    P[EAST, NORTH] = P[NORTH, EAST]
     if P[BG, BG] > 0.0:
         P[BG, BG] += c[Q_BG] * c[Q_BG] * dt
     if P[KS, KS] > 0.0:
@@ -290,12 +307,8 @@ def measure_pair(x, P, c, s, t, z, kind, out, grown, H, K):
     if kind == FIX:
         s[FIX_T], s[FIX_BAD] = t, 0.0
     update(x, P, Hn, yn, a, K, w)
-    # the second component as the first one left it
-    if kind == FIX:
-        pn, pe = fix_rows(x, c, z, Hn, He)
-    else:
-        pn, pe = velocity_rows(x, Hn, He)
-    update(x, P, He, z[1] - pe, product(P, He, He) + re, K, w)
+    # the second component as the first one left it, both linearised at the same state
+    update(x, P, He, ye - w * b / a * yn, product(P, He, He) + re, K, w)
 
 
 @njit(cache=True, error_model="numpy")

@@ -107,6 +107,9 @@ class View:
 
     @cached_property
     def origin(self) -> tuple[float, float, float]:
+        metres = self.result.navigation.extras.get("metres")
+        if metres is not None:
+            return metres.plane.lat, metres.plane.lon, 0.0
         f = self.result.navigation.filter
         good = np.isfinite(f.lat) & np.isfinite(f.lon)
         if not good.any():

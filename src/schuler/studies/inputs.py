@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 G = 9.80665
 DAY = 86400.0
-GAP_DAYS = {"imu": 2.0, "attitude": 60.0}  # memory and time go with the span, not with the rows
+GAP_DAYS = {"imu": 2.0, "attitude": 60.0, "speed": 2.0}  # memory and time go with the span, not with the rows
 MAG = ("mag_x", "mag_y", "mag_z")
 
 

@@ -18,6 +18,7 @@ _SHOWN = {  # state: what it is called, unit shown, factor from SI
     "speed_scale": ("speed log scale", "%", 100.0),
     "path_scale": ("scale of speed from depth", "%", 100.0),
     "heading_offset": ("heading offset", "deg", 180.0 / np.pi),
+    "range_scale": ("range scale", "%", 100.0),
 }
 
 

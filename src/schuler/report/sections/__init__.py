@@ -9,7 +9,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from schuler.report.parts import Opening, Section
-from schuler.report.sections import consistency, errors, opening, platform, record, states, strapdown, sweep, track
+from schuler.report.sections import (
+    consistency,
+    errors,
+    opening,
+    planar,
+    platform,
+    record,
+    states,
+    strapdown,
+    sweep,
+    track,
+)
 from schuler.report.view import View
 
 Chapter = Callable[[View], Section | None]
@@ -61,9 +72,26 @@ _STRAPDOWN: tuple[Chapter, ...] = (
     record.cite,
 )
 
+_PLANAR: tuple[Chapter, ...] = (
+    planar.track,
+    errors.position,
+    errors.attitude,
+    errors.velocity,
+    states.gyro_biases,
+    states.learnt,
+    planar.beacons,
+    consistency.innovations,
+    consistency.honesty,
+    record.figures_table,
+    record.assumed,
+    record.made,
+    record.cite,
+)
+
 CHAPTERS: dict[str, tuple[Chapter, ...]] = {
     "auv": _AIDED,
     "aided": _AIDED,
+    "planar": _PLANAR,
     "platform": _PLATFORM,
     "strapdown": _STRAPDOWN,
 }

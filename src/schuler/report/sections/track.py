@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -104,7 +105,8 @@ def _ellipses(track: Track, rows: list[int]) -> list[Array]:
     return found
 
 
-def _map(view: View) -> Figure:
+def _map(view: View, more: Sequence[dict[str, Any]] = (), points: Sequence[Array] = ()) -> Figure:
+    """The map. more: traces on top; points: (n, 2) north, east that shall be seen too."""
     f = view.filter
     data: list[dict[str, Any]] = []
     under = [f.ned[(f.time >= d.start) & (f.time <= d.end), :2] for d in view.dives]
@@ -158,7 +160,8 @@ def _map(view: View) -> Figure:
                 "font": {"size": 12, "color": TRUTH},
             }
         )
-    shown = [f.ned[good, :2]]
+    data += more
+    shown = [f.ned[good, :2], *points]
     if view.reference is not None:
         shown.append(view.reference["ned"][:, :2])
     box = _reached(_box(shown, 0.06), outlines, 0.2)

@@ -97,20 +97,22 @@ class SnapshotFixes:
             sigma = np.hypot(s.floor, np.asarray(std, dtype=np.float64))
         good = np.isfinite(rho) & np.isfinite(sat).all(axis=1) & np.isfinite(sigma) & (density >= s.least_cn0)
         seen = len(rho)
+        if int(good.sum()) < 4:
+            return None
+        rho, sat, kind, sigma = rho[good], sat[good], kind[good], sigma[good]
         if self._frame is None:
-            start = _rough(rho[good], sat[good] if s.turned else _turned(sat[good]), kind[good])
+            start = _rough(rho, sat if s.turned else _turned(sat), kind)
             if start is None:
                 return None
             lat, lon, height = (float(v) for v in WGS84.geodetic_from_ecef(start))
             self._frame = LocalFrame(lat, lon, height)
-        if not s.turned:
-            sat = _turned(sat, WGS84.ecef_from_geodetic(self._frame.lat0, self._frame.lon0, self._frame.h0))
         frame = self._frame
+        if not s.turned:
+            sat = _turned(sat, WGS84.ecef_from_geodetic(frame.lat0, frame.lon0, frame.h0))
         local = np.column_stack(frame.ned(*WGS84.geodetic_from_ecef(sat)))
         at = np.zeros(3) if self._last is None else self._last[:3]
         up = at[2] - local[:, 2]
-        elevation = np.arcsin(np.clip(up / np.linalg.norm(local - at, axis=1), -1.0, 1.0))
-        good &= elevation >= s.least_elevation
+        good = np.arcsin(np.clip(up / np.linalg.norm(local - at, axis=1), -1.0, 1.0)) >= s.least_elevation
         systems = sorted(set(kind[good].tolist()))
         if int(good.sum()) < 4 or not systems:
             return None

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from schuler.aiding.auv_settings import Start
-from schuler.aiding.planar_settings import Plane, PlanarSettings
+from schuler.aiding.planar_settings import PlanarSettings, Plane
 from schuler.ground.tables import Table
 
 PLANE = Plane(0.9, 0.2)

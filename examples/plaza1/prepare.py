@@ -62,7 +62,9 @@ def main() -> int:
             for r in truth
         ],
     )
-    (out / "study.toml").write_text(Path(__file__).with_name("study.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    (out / "study.toml").write_text(
+        Path(__file__).with_name("study.toml").read_text(encoding="utf-8"), encoding="utf-8"
+    )
     print("note: x is taken as east, y as north; heading increments turned to clockwise")
     print(f"now type:  schuler run {out / 'study.toml'}")
     return 0

@@ -87,7 +87,9 @@ def main() -> int:
             for r, p in zip(reference, places, strict=True)
         ],
     )
-    (out / "study.toml").write_text(Path(__file__).with_name("study.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    (out / "study.toml").write_text(
+        Path(__file__).with_name("study.toml").read_text(encoding="utf-8"), encoding="utf-8"
+    )
     print(f"note: {len(fixes)} fixes of {len(starts)} epochs of pseudoranges; the turn rate is made clockwise")
     print(f"now type:  schuler run {out / 'study.toml'}")
     return 0

@@ -30,7 +30,9 @@ def runs(request):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("who,where", [("filter", 0.1), ("filter", 0.6), ("filter", 1.0), ("smoother", 0.1), ("smoother", 0.6)])
+@pytest.mark.parametrize(
+    "who,where", [("filter", 0.1), ("filter", 0.6), ("filter", 1.0), ("smoother", 0.1), ("smoother", 0.6)]
+)
 def test_errors_are_as_large_as_their_sigmas(runs, who, where):
     """One moment a run: position (two degrees of freedom) and heading."""
     place, turned = 0.0, 0.0

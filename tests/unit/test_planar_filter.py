@@ -10,7 +10,7 @@ import pytest
 from schuler.aiding.auv_settings import Start
 from schuler.aiding.planar import navigate
 from schuler.aiding.planar_motion import line_of
-from schuler.aiding.planar_settings import Metres, Plane, PlanarSettings
+from schuler.aiding.planar_settings import Metres, PlanarSettings, Plane
 from schuler.ground.errors import InputError
 from schuler.ground.tables import Table
 
@@ -131,7 +131,10 @@ def test_a_typed_start_is_kept():
 
 def test_nothing_to_start_from_is_said_in_one_sentence():
     run = simulate(16, ranges=False)
-    for start, missing in ((Start(), "lat_deg and lon_deg and heading_deg"), (Start(heading=0.1), "lat_deg and lon_deg")):
+    for start, missing in (
+        (Start(), "lat_deg and lon_deg and heading_deg"),
+        (Start(heading=0.1), "lat_deg and lon_deg"),
+    ):
         with pytest.raises(InputError, match=missing):
             navigate(run.tables, replace(run.settings, start=start), PLANE)
     dead = navigate(run.tables, run.settings, PLANE)  # dead reckoning alone
@@ -227,7 +230,11 @@ def test_gaps_are_told_and_make_it_uncertain():
     run = simulate(22)
     log = run.tables["speed"]
     keep = (log.time < 80.0) | (log.time > 88.0)
-    tables = {**run.tables, "speed": log.where(keep), "ranges": run.tables["ranges"].where(run.tables["ranges"].time < 80.0)}
+    tables = {
+        **run.tables,
+        "speed": log.where(keep),
+        "ranges": run.tables["ranges"].where(run.tables["ranges"].time < 80.0),
+    }
     nav = navigate(tables, run.settings, PLANE)
     assert any("1 gap, the longest 8.4 s" in note for note in nav.notes)
     a, b = np.searchsorted(nav.filter.time, [80.0, 88.1])
@@ -244,7 +251,14 @@ def test_an_increment_over_a_gap_holds_the_whole_way():
     keep = np.ones(len(log), dtype=bool)
     keep[300:320] = False
     t = log.time[keep]
-    thin = Table("speed", {"time": t, "ddist": np.diff(way[keep], prepend=0.0), "dheading": np.diff(np.cumsum(log["dheading"])[keep], prepend=0.0)})
+    thin = Table(
+        "speed",
+        {
+            "time": t,
+            "ddist": np.diff(way[keep], prepend=0.0),
+            "dheading": np.diff(np.cumsum(log["dheading"])[keep], prepend=0.0),
+        },
+    )
     nav = navigate({"speed": thin}, run.settings, PLANE)
     whole = Table("speed", {"time": log.time, "ddist": ddist, "dheading": log["dheading"]})
     other = navigate({"speed": whole}, run.settings, PLANE)
@@ -304,7 +318,9 @@ def test_the_plane_is_a_map():
     np.testing.assert_allclose(back[0], north, atol=0.01)
     np.testing.assert_allclose(back[1], east, atol=0.01)
     metres = Metres(plane, 5.8e6, 3.9e5)
-    np.testing.assert_allclose(metres.north_east(*metres.geodetic(5.8e6 + north, 3.9e5 + east))[0], 5.8e6 + north, atol=0.01)
+    np.testing.assert_allclose(
+        metres.north_east(*metres.geodetic(5.8e6 + north, 3.9e5 + east))[0], 5.8e6 + north, atol=0.01
+    )
 
 
 def test_true_north_turns_away_from_the_plane():

@@ -110,14 +110,17 @@ def test_a_start_in_metres_and_one_on_the_earth(run, tmp_path):
     result = run_study(study_of(tmp_path, run, more=typed))
     assert result.navigation.filter.time[0] < 0.5 and not any("start:" in n for n in result.notes)
     # with lat and lon the metres are counted from there, and the result is on the Earth
-    result = run_study(study_of(tmp_path, run, more="[start]\nlat_deg = 50.0\nlon_deg = 8.0\nstd_north_m = 100\nstd_east_m = 100\n"))
+    result = run_study(
+        study_of(tmp_path, run, more="[start]\nlat_deg = 50.0\nlon_deg = 8.0\nstd_north_m = 100\nstd_east_m = 100\n")
+    )
     out = result.write(tmp_path / "out")
     assert (out / "solution.csv").read_text().startswith("time[s],lat[deg],lon[deg],north[m],east[m]")
     assert result.navigation.filter.lat[0] == pytest.approx(np.radians(50.0), abs=1e-4)
 
 
 def test_outage_and_sweep_of_the_ranges(run, tmp_path):
-    more = '[[outage]]\nsensor = "ranges"\nstart_s = 60\nend_s = 110\n[sweep]\nsensor = "ranges"\nlength_s = 20\nsettle_s = 40\n'
+    more = '[[outage]]\nsensor = "ranges"\nstart_s = 60\nend_s = 110\n'
+    more += '[sweep]\nsensor = "ranges"\nlength_s = 20\nsettle_s = 40\n'
     result = run_study(study_of(tmp_path, run, more=more))
     (outage,) = result.summary["outages"]
     assert outage["horizontal_end_m"] > 0.0 and outage["nees_half_end"] < 8.0

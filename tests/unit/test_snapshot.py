@@ -27,7 +27,9 @@ def measured(sat, place=PLACE):
     d = np.linalg.norm(sat - place, axis=1)
     for _ in range(5):
         a = EARTH_RATE * d / LIGHT
-        x = np.column_stack([sat[:, 0] * np.cos(a) + sat[:, 1] * np.sin(a), sat[:, 1] * np.cos(a) - sat[:, 0] * np.sin(a), sat[:, 2]])
+        x = np.column_stack(
+            [sat[:, 0] * np.cos(a) + sat[:, 1] * np.sin(a), sat[:, 1] * np.cos(a) - sat[:, 0] * np.sin(a), sat[:, 2]]
+        )
         d = np.linalg.norm(x - place, axis=1)
     return d
 

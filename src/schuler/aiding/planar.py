@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.aiding import planar_motion as motion
-from schuler.aiding.planar_settings import LOGARITHMS, STATES, Plane, PlanarSettings, configuration, prior
+from schuler.aiding.planar_settings import LOGARITHMS, STATES, PlanarSettings, Plane, configuration, prior
 from schuler.aiding.planar_start import Begin, find
 from schuler.aiding.solution import Innovations, Navigation, Solution, StateHistory
 from schuler.ground.errors import InputError
@@ -244,7 +244,7 @@ def _innovations(mt: Array, mk: NDArray[np.int64], innov: Array, told: float) ->
             i = innov[rows]
             found[name] = Innovations(
                 name, components, unit, mt[rows].copy(), i[:, :d].copy(), i[:, 2 : 2 + d].copy(), i[:, 4].copy(),
-                i[:, 5] > 0.0,
+                i[:, 5] > 0.0, i[:, 5].copy(),
             )  # fmt: skip
     return found
 

@@ -8,7 +8,7 @@ from math import inf, isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from schuler.aiding.planar_settings import Plane, PlanarSettings
+from schuler.aiding.planar_settings import PlanarSettings, Plane
 from schuler.ground.errors import InputError
 from schuler.ground.tables import Table, Tables
 

@@ -69,7 +69,7 @@ class PlanarSettings:
 
 @dataclass(frozen=True)
 class Plane:
-    """The plane of the track: north and east of an origin, tangent to the Earth at its height. lat, lon rad, height m."""
+    """The plane of the track: north and east of an origin, tangent to the Earth at its height. rad, rad, m."""
 
     lat: float
     lon: float

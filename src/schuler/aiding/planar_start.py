@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.aiding.planar_motion import Measurements, Track, line_of
-from schuler.aiding.planar_settings import Plane, PlanarSettings
+from schuler.aiding.planar_settings import PlanarSettings, Plane
 from schuler.ground.earth import wrap_pi
 from schuler.ground.errors import InputError
 
@@ -46,7 +46,7 @@ def find(track: Track, m: Measurements, s: PlanarSettings, plane: Plane) -> Begi
     placed = start.lat is not None and start.lon is not None
     north = east = 0.0
     if placed:
-        n, e = plane.north_east(start.lat, start.lon)
+        n, e = plane.north_east(float(start.lat or 0.0), float(start.lon or 0.0))
         north, east = float(n), float(e)
     std_n, std_e = (DEFAULT_STD_M if v is None else v for v in start.std_pos[:2])
     std_h = DEFAULT_STD_RAD if start.std_heading is None else start.std_heading
@@ -56,12 +56,16 @@ def find(track: Track, m: Measurements, s: PlanarSettings, plane: Plane) -> Begi
         heading -= float(plane.convergence(start.lat, start.lon))  # type: ignore[arg-type]
         return Begin(north, east, heading, std_n, std_e, std_h, t0)
     if not np.isin(m.kind, (0, 1)).any():
-        missing = [w for w, known in (("lat_deg and lon_deg", placed), ("heading_deg", heading is not None)) if not known]
+        missing = [
+            w for w, known in (("lat_deg and lon_deg", placed), ("heading_deg", heading is not None)) if not known
+        ]
         raise InputError(
             f"no start was found: there are no fixes and no ranges; type {' and '.join(missing)} under [start] (in "
             "metres: north_m and east_m), or name a gnss table, or ranges and landmarks"
         )
-    fit = _Fit(track, m, s, (north, east, std_n, std_e) if placed else None, (heading, std_h) if heading is not None else None)
+    fit = _Fit(
+        track, m, s, (north, east, std_n, std_e) if placed else None, (heading, std_h) if heading is not None else None
+    )
     best, end, rivals = fit.grow()
     notes = []
     sigma = np.sqrt(np.maximum(np.diag(best.cov), 0.0))
@@ -169,7 +173,7 @@ class _Fit:
                 self.residuals, x0, args=(rows, at, last), loss="soft_l1", method="trf", max_nfev=40,
                 x_scale=[1.0, 1.0, 0.1, 0.01, 0.02, 0.05],
             )  # fmt: skip
-            J = got.jac
+            J = np.asarray(got.jac, dtype=np.float64)
             scale = np.maximum(np.linalg.norm(J, axis=0), 1e-12)
             cov = np.linalg.pinv((J / scale).T @ (J / scale)) / np.outer(scale, scale)
             answers.append(_Answer(got.x, 2.0 * float(got.cost), cov))
@@ -200,7 +204,9 @@ class _Fit:
         east = x[1] + si * forward[at] + co * right[at]
         parts = [self._misses(north, east, x[5], rows)]
         s = self.s
-        parts.append(np.array([x[3], x[4], x[5]]) / np.maximum([s.gyro_bias_std, s.speed_scale_std, s.range_scale_std], 1e-9))
+        parts.append(
+            np.array([x[3], x[4], x[5]]) / np.maximum([s.gyro_bias_std, s.speed_scale_std, s.range_scale_std], 1e-9)
+        )
         if self.place is not None:
             parts.append(np.array([(x[0] - self.place[0]) / self.place[2], (x[1] - self.place[1]) / self.place[3]]))
         if self.heading is not None:

@@ -8,8 +8,8 @@ Satellite positions are those at the time of transmission in axes that turn with
 Earth turns on, which is up to 40 m of the way, nearly all of it east-west. It is taken into account unless
 `turned=True` says that the positions are corrected already.
 
-In a street the echo of a hidden satellite arrives late, so a residual that is too long is believed less than one that is
-too short: beyond `late` (too long) or `early` sigmas a pseudorange's weight falls with the square of its residual.
+In a street the echo of a hidden satellite arrives late, so a residual that is too long is believed less than one that
+is too short: beyond `late` (too long) or `early` sigmas a pseudorange's weight falls with the square of its residual.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class SnapshotSettings:
 
 @dataclass
 class Fix:
-    """time s; lat, lon rad; height m; cov (3, 3) NED m^2; used and seen pseudoranges; spread of the residuals' ratio."""
+    """time s; lat, lon rad; height m; cov (3, 3) NED m^2; used and seen pseudoranges; spread of residuals."""
 
     time: float
     lat: float
@@ -158,10 +158,10 @@ class SnapshotFixes:
         past = self._recent(self._clock, time, s.clock_memory_s)
         if len(past) >= 20:
             A = np.column_stack([np.ones(len(past)), past[:, 0] - time])
-            w = np.ones(len(past))
-            line = np.zeros(2)
+            w: Array = np.ones(len(past))
+            line: Array = np.zeros(2)
             for _ in range(4):
-                line = np.linalg.lstsq(A * w[:, None], past[:, 1] * w, rcond=None)[0]
+                line = np.asarray(np.linalg.lstsq(A * w[:, None], past[:, 1] * w, rcond=None)[0])
                 w = (1.0 + ((past[:, 1] - A @ line) / 3.0) ** 2) ** -0.5
             known.append((3, float(line[0]), s.clock_std))
         return [entry for entry in known if entry[0] < size]
@@ -198,7 +198,13 @@ class SnapshotFixes:
         return starts
 
     def _solve(
-        self, start: Array, rho: Array, local: Array, columns: Array, sigma: Array, known: list[tuple[int, float, float]]
+        self,
+        start: Array,
+        rho: Array,
+        local: Array,
+        columns: Array,
+        sigma: Array,
+        known: list[tuple[int, float, float]],
     ) -> tuple[Array, float, Array, Array, float] | None:
         """Iteratively reweighted least squares: unknowns, cost, weights, covariance NED, spread of the residuals."""
         s = self.settings
@@ -207,7 +213,11 @@ class SnapshotFixes:
         x = np.zeros(size)
         x[:3] = start
         clock = rho - first
-        x[3] = float(np.median(clock[columns[:, 1:].sum(axis=1) == 0])) if columns.shape[1] > 1 else float(np.median(clock))
+        x[3] = (
+            float(np.median(clock[columns[:, 1:].sum(axis=1) == 0]))
+            if columns.shape[1] > 1
+            else float(np.median(clock))
+        )
         for j in range(1, columns.shape[1]):
             x[3 + j] = float(np.median(clock[columns[:, j] > 0.0])) - x[3]
         P = np.zeros((len(known), size))

@@ -221,7 +221,7 @@ def update(x, P, H, y, S, K, weight):
 
 @njit(cache=True, error_model="numpy")
 def share(c, nis, d):
-    """How much of a measurement's information is used: 1 inside the soft limit, less outside, 0 outside the hard one."""
+    """How much of a measurement is used: 1 inside the soft limit, less outside, 0 outside the hard one."""
     r = nis / d
     if r <= c[SOFT]:
         return 1.0
@@ -313,7 +313,7 @@ def measure_pair(x, P, c, s, t, z, kind, out, grown, H, K):
 
 @njit(cache=True, error_model="numpy")
 def range_row(x, z, H):
-    """Row (n) of a range and its prediction: exp(kr) distance + bias of the beacon. z[2] beacon, z[3:5] place, z[5] dz."""
+    """Row (n) of a range and its prediction, exp(kr) distance + bias. z[2] beacon, z[3:5] its place, z[5] height."""
     i = B0 + int(z[2])
     dn, de, dz = x[NORTH] - z[3], x[EAST] - z[4], z[5]
     d = max(math.sqrt(dn * dn + de * de + dz * dz), 1e-6)
@@ -355,7 +355,7 @@ def measure_range(x, P, c, s, t, z, out, grown, H, K):
 
 @njit(cache=True, error_model="numpy")
 def measure_rest(x, P, c, z, out, H, K):
-    """At rest the measured turn rate z[0] is the bias; z[1] its variance. Something that turns on the spot is not at rest."""
+    """At rest the measured turn rate z[0] is the bias; z[1] its variance. What turns on the spot is not at rest."""
     h = H[0]
     h[:] = 0.0
     h[BG] = 1.0

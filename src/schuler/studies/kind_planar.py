@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from schuler.aiding.planar_settings import SCALES, Metres, Plane, PlanarSettings
+from schuler.aiding.planar_settings import SCALES, Metres, PlanarSettings, Plane
 from schuler.aiding.solution import Navigation
 from schuler.ground.errors import InputError, StudyError
 from schuler.ground.tables import Table
@@ -101,12 +101,14 @@ def settings_of(study: Study, metres: Metres | None) -> PlanarSettings:
         gnss_correlated_tau=n.gnss_correlated_tau_s,
         gnss_delay=study.input.gnss_delay_s,
         range_std=n.range_m,
-        range_scale_std=0.01 * n.range_scale_percent,
-        range_bias_std=n.range_bias_m,
         antenna=m.antenna_frd_m,
         smoother=study.filter.smoother,
         output_rate=output_rate(study),
     )
+    if "range_scale_percent" in n.model_fields_set:
+        settings = replace(settings, range_scale_std=0.01 * n.range_scale_percent)
+    if "range_bias_m" in n.model_fields_set:
+        settings = replace(settings, range_bias_std=n.range_bias_m)
     if n.speed_walk_mps_per_sqrt_s is not None:
         settings = replace(settings, free_speed_walk=n.speed_walk_mps_per_sqrt_s)
     imu = imu_model(study)
@@ -161,7 +163,9 @@ def in_metres(study: Study, inputs: Inputs) -> Metres | None:
     for table in flat:
         reach = float(np.max(np.hypot(table["north"] - north, table["east"] - east)))
         if reach > FLAT_M:
-            inputs.notes.append(f"{table.name} reaches {reach / 1e3:.0f} km: a plane is no map of that; use lat and lon")
+            inputs.notes.append(
+                f"{table.name} reaches {reach / 1e3:.0f} km: a plane is no map of that; use lat and lon"
+            )
         a, b = metres.geodetic(table["north"], table["east"])
         columns = {**table.columns, "lat": a, "lon": b}
         moved = Table(table.name, columns, table.kind, table.source, table.notes)
@@ -198,7 +202,9 @@ def _unread(study: Study) -> list[str]:
         notes.append(f'[filter] estimate: kind "planar" does not learn {", ".join(names)}; left out')
     kept = [c for c in study.filter.constraints if c == "nhc"]
     if kept:
-        notes.append('[filter] constraints nhc: a planar vehicle never slips sideways but by slip_m_per_sqrt_m; left out')
+        notes.append(
+            "[filter] constraints nhc: a planar vehicle never slips sideways but by slip_m_per_sqrt_m; left out"
+        )
     return notes
 
 
@@ -221,7 +227,7 @@ def _judged(
     gnss = tables.get("gnss")
     track = navigation.smoother or navigation.filter
     length = distance(reference["lat"], reference["lon"]) if reference is not None else distance(track.lat, track.lon)
-    fix = {"gnss_m": study.noise.gnss_m, "antenna_frd": study.mounting.antenna_frd_m}
+    fix: dict[str, Any] = {"gnss_m": study.noise.gnss_m, "antenna_frd": study.mounting.antenna_frd_m}
     states = {
         name: {"unit": h.unit, "value": float(h.value[-1]), "std": float(h.std[-1]), "truth": None}
         for name, h in navigation.states.items()

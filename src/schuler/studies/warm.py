@@ -148,11 +148,33 @@ def warm_calibration() -> None:
     fit_gyros(time, gyro, force, rests, turns_between(rests), accel, holdout=False)
 
 
+def warm_planar() -> None:
+    """Kind "planar": every kind of measurement, a start that is found, the smoother."""
+    import numpy as np
+
+    from schuler.aiding.planar import PlanarSettings, Plane, navigate
+    from schuler.ground.tables import Table
+
+    t = np.arange(1.0, 61.0)
+    plane = Plane(0.9, 0.2)
+    lat, lon = plane.geodetic(2.0 * t, 0.0 * t)
+    speed = np.where(t > 50.0, 0.0, 2.0)
+    place = {"lat": lat[:3], "lon": lon[:3]}
+    tables = {
+        "speed": Table("speed", {"time": t, "speed": speed, "dheading": 0.0 * t}),
+        "gnss": Table("gnss", {"time": t, "lat": lat, "lon": lon, "v_north": speed, "v_east": 0.0 * t}),
+        "ranges": Table("ranges", {"time": t[:40], "id": np.array(["1"] * 40), "range": 2.0 * t[:40] + 1.0}),
+        "landmarks": Table("landmarks", {"id": np.array(["1", "2", "3"]), **place}),
+    }
+    navigate(tables, PlanarSettings(), plane)
+
+
 # what `schuler warmup` runs, in order; a part that brings kernels of its own adds a line
 STEPS: list[tuple[str, Callable[[], None]]] = [
     ("auv: simulation, filter, smoother", warm_auv),
     ("auv: a vehicle's own compass", warm_compass),
     ("auv: the paper's filter", warm_paper),
+    ("planar: filter and smoother", warm_planar),
     ("platform: alignment, algorithms, maps", warm_platform),
     ("strapdown: truth, mechanization, error model, alignment", warm_strapdown),
     ("calibration: turntable, rests and turns, Allan deviation", warm_calibration),

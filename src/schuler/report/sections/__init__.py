@@ -80,6 +80,8 @@ _PLANAR: tuple[Chapter, ...] = (
     states.gyro_biases,
     states.learnt,
     planar.beacons,
+    sweep.sweep,
+    consistency.distrust,
     consistency.innovations,
     consistency.honesty,
     record.figures_table,

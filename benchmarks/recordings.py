@@ -32,13 +32,10 @@ class Figure:
     note: str = ""
 
 
-def run_example(example: str, data: Path, out: Path) -> StudyResult:
-    """examples/NAME: prepare.py on the recording in `data`, then the study that lies in `out`."""
-    from schuler.studies.model import load_study
-    from schuler.studies.run import run_study
-
+def prepare_example(example: str, data: Path, out: Path, *more: str) -> None:
+    """examples/NAME: prepare.py on the recording in `data`, into `out`."""
     arguments = sys.argv
-    sys.argv = ["prepare.py", str(data), str(out)]
+    sys.argv = ["prepare.py", str(data), str(out), *more]
     try:
         with redirect_stdout(StringIO()):
             runpy.run_path(str(ROOT / "examples" / example / "prepare.py"), run_name="__main__")
@@ -47,6 +44,14 @@ def run_example(example: str, data: Path, out: Path) -> StudyResult:
             raise RuntimeError(f"examples/{example}/prepare.py ended with status {done.code}") from done
     finally:
         sys.argv = arguments
+
+
+def run_example(example: str, data: Path, out: Path) -> StudyResult:
+    """examples/NAME: prepare.py on the recording in `data`, then the study that lies in `out`."""
+    from schuler.studies.model import load_study
+    from schuler.studies.run import run_study
+
+    prepare_example(example, data, out)
     return run_study(load_study(out / "study.toml"))
 
 

@@ -3,13 +3,17 @@
 python examples/thor-uav/prepare.py DATA_FOLDER OUT
 schuler run OUT/study.toml
 
-The tables hold the flight and GROUND_S before it (the still IMU on the ground), so that outages are laid in the air.
+The tables hold the flight and GROUND_S before it, so that outages are laid in the air. The start is the take-off run,
+where the course is the heading; level is that of the accelerometers just before. Airspeed and height are means of
+EVERY_S: their errors last about as long, and 50 rows a second would count one error 50 times.
 reference-onboard.csv is the on-board filter's track, for a look: it saw the same sensors and is no reference.
 """
 
 import re
 import sys
 from pathlib import Path
+
+import numpy as np
 
 from schuler.ground.errors import SchulerError
 from schuler.ground.tables import Table
@@ -19,7 +23,11 @@ from schuler.io.formats.umnuav import airborne, onboard
 from schuler.io.writing import write_table
 
 GROUND_S = 30.0
-DELAY_S = 1.0  # the air data begin this much before the fixes, so that no fix lies outside the IMU's rows
+EVERY_S = 1.0
+SLOW = 8.0  # m/s: below this a pitot tube says nothing
+LEVEL_S = (6.0, 3.0)  # before the start
+SIGMA_DEG = {"roll": 3.0, "pitch": 3.0, "heading": 8.6}
+AHEAD_S = 1.0  # the other tables begin this much before the fixes, so that no fix lies outside the IMU's rows
 
 
 def fitting(study: str, tables: set[str]) -> tuple[str, list[str]]:
@@ -32,6 +40,31 @@ def fitting(study: str, tables: set[str]) -> tuple[str, list[str]]:
 
 def cut(table: Table, first: float, last: float) -> Table:
     return table.where((table.time >= first) & (table.time <= last))
+
+
+def means(table: Table, column: str) -> Table:
+    """One row for each EVERY_S: the mean, at the mean time."""
+    cell = np.floor((table.time - table.time[0]) / EVERY_S).astype(int)
+    count = np.bincount(cell)
+    keep = count > 0
+    columns = {name: np.bincount(cell, weights=table[name])[keep] / count[keep] for name in ("time", column)}
+    return Table(table.name, columns, table.kind, table.source, table.notes)
+
+
+def start_of(imu: Table, gnss: Table, first: float) -> str:
+    """The [start] section at the first fix that is faster than anybody walks."""
+    k = int(np.searchsorted(gnss.time, first))
+    before = (imu.time > first - LEVEL_S[0]) & (imu.time < first - LEVEL_S[1])
+    f = np.median(imu.stack("accel_x", "accel_y", "accel_z")[before], axis=0)
+    angles = {
+        "roll": np.arctan2(-f[1], -f[2]),
+        "pitch": np.arctan2(f[0], np.hypot(f[1], f[2])),
+        "heading": np.mod(np.arctan2(gnss["v_east"][k], gnss["v_north"][k]), 2.0 * np.pi),
+    }
+    lines = ["[start]                      # the take-off run", f"time_s = {first:.3f}"]
+    for name, angle in angles.items():
+        lines += [f"{name}_deg = {np.degrees(angle):.2f}", f"std_{name}_deg = {SIGMA_DEG[name]:g}"]
+    return "\n".join(lines) + "\n"
 
 
 def main() -> int:
@@ -49,7 +82,11 @@ def main() -> int:
             first, last = flight[0] - GROUND_S, flight[1]
             notes.append(f"flight from {flight[0]:.1f} to {last:.1f} s; the tables begin {GROUND_S:g} s before it")
             for name, table in tables.items():
-                tables[name] = cut(table, first - (0.0 if name == "gnss" else DELAY_S), last)
+                tables[name] = cut(table, first - (0.0 if name == "gnss" else AHEAD_S), last)
+        if "speed" in tables:
+            tables["speed"] = tables["speed"].where(tables["speed"]["speed"] > SLOW)
+        for name in {"speed", "height"} & tables.keys():
+            tables[name] = means(tables[name], name)
         for name, table in tables.items():
             write_table(out / f"{name}.csv", table)
         try:
@@ -60,6 +97,8 @@ def main() -> int:
         print(f"prepare: {error}", file=sys.stderr)
         return error.exit_status
     study, left_out = fitting(Path(__file__).with_name("study.toml").read_text(encoding="utf-8"), set(tables))
+    start = "" if flight is None else start_of(tables["imu"], tables["gnss"], flight[0])
+    study = re.sub(r"^\[start\].*\n", lambda _: start, study, flags=re.MULTILINE)
     (out / "study.toml").write_text(study, encoding="utf-8")
     for note in notes:
         print(f"note: {note}")

@@ -110,12 +110,12 @@ GRADES: dict[str, ImuModel] = {
     ),
     "mems-aircraft": ImuModel(
         name="mems-aircraft", gyro_arw_deg_per_sqrt_h=3.44, gyro_bias_deg_per_h=4000.0,
-        gyro_rrw_deg_per_h_per_sqrt_h=371.0, gyro_scale_ppm=10000.0, accel_vrw_mps_per_sqrt_h=3.0,
-        accel_bias_ug=30000.0, accel_rrw_ug_per_sqrt_h=6120.0, accel_scale_ppm=20000.0,
+        gyro_rrw_deg_per_h_per_sqrt_h=1238.0, gyro_scale_ppm=10000.0, accel_vrw_mps_per_sqrt_h=3.0,
+        accel_bias_ug=30000.0, accel_rrw_ug_per_sqrt_h=12240.0, accel_scale_ppm=20000.0,
     ),
     "mems-multirotor": ImuModel(
-        name="mems-multirotor", gyro_arw_deg_per_sqrt_h=3.44, gyro_bias_deg_per_h=6000.0,
-        gyro_rrw_deg_per_h_per_sqrt_h=619.0, gyro_scale_ppm=10000.0, accel_vrw_mps_per_sqrt_h=4.8,
+        name="mems-multirotor", gyro_arw_deg_per_sqrt_h=1.72, gyro_bias_deg_per_h=6000.0,
+        gyro_rrw_deg_per_h_per_sqrt_h=619.0, gyro_scale_ppm=10000.0, accel_vrw_mps_per_sqrt_h=3.0,
         accel_bias_ug=100000.0, accel_rrw_ug_per_sqrt_h=12240.0, accel_scale_ppm=20000.0,
     ),
     # Bosch BMI160 data sheet BST-BMI160-DS000 (2020): 0.007 deg/s/sqrt(Hz), 180 ug/sqrt(Hz), zero offset 3 deg/s and

@@ -3,8 +3,8 @@
     python benchmarks/targets_aided.py [--only car-rtk-mems] [--json FILE]
 
 Outages slide over a recording in two phases; an error is that of the last withheld fix, horizontal, median over the
-windows, and the smoother's the largest inside a window. Where fixes are thinned, the fixes left out judge. Positions are
-compared at the moment that the estimated delay gives them. "must" is a pass mark, "good" deserves praise.
+windows, and the smoother's the largest inside a window. Where fixes are thinned, the fixes left out judge. Positions
+are compared at the moment that the estimated delay gives them. "must" is a pass mark, "good" deserves praise.
 """
 
 from __future__ import annotations
@@ -108,8 +108,18 @@ def delay_of(navigation: Navigation, typed: float, at: Array, smoothed: bool) ->
     return np.interp(at, state.time, value)
 
 
-def place_errors(track: Solution, rows: Table, delay: Array, arm: tuple[float, float, float]) -> tuple[Array, Array]:
-    """Horizontal (m,) and vertical (m,) errors of a smoothed or dense track at rows stamped t, of t - delay; NaN outside."""
+def arm_of(result: Any) -> tuple[float, float, float]:
+    """From the IMU to the antenna, m: as the filter found it, else as typed."""
+    arm = list(result.study.mounting.antenna_frd_m)
+    for i, axis in enumerate("xyz"):
+        state = result.navigation.states.get(f"antenna_lever_{axis}")
+        if state is not None:
+            arm[i] = float(state.value[-1])
+    return arm[0], arm[1], arm[2]
+
+
+def place_errors(track: Solution, rows: Table, delay: Array, arm: tuple[float, float, float]) -> Array:
+    """Horizontal errors (m,) of a smoothed or dense track at rows stamped t, of t - delay; NaN outside."""
     from schuler.ground.earth import WGS84
     from schuler.judging.errors import at_point, resampled
 
@@ -118,10 +128,9 @@ def place_errors(track: Solution, rows: Table, delay: Array, arm: tuple[float, f
     there = resampled(at_point(track, arm), at[inside])
     height = rows["height"][inside] if "height" in rows else there.height
     d = WGS84.displacement_n(there.lat, there.lon, there.height, rows["lat"][inside], rows["lon"][inside], height)
-    horizontal, vertical = np.full(len(at), np.nan), np.full(len(at), np.nan)
+    horizontal = np.full(len(at), np.nan)
     horizontal[inside] = np.hypot(d[:, 0], d[:, 1])
-    vertical[inside] = d[:, 2]
-    return horizontal, vertical
+    return horizontal
 
 
 def rms(values: Array) -> float:
@@ -172,10 +181,8 @@ def car_rtk(folder: Path) -> Iterator[Row]:
     """A1."""
     name = "car-rtk-mems"
     full = variant(folder)
-    yield from outages(
-        name, full.summary["sweep"],
-        {15.0: (4.0, 2.0, 0.6, 0.25), 30.0: (7.0, 2.5, 1.8, 0.8), 60.0: (16.0, 8.0, 4.0, 2.0)}, (0.5, 3.0), "filter with NHC",
-    )  # fmt: skip
+    marks = {15.0: (4.0, 2.0, 0.6, 0.25), 30.0: (7.0, 2.5, 1.8, 0.8), 60.0: (16.0, 8.0, 4.0, 2.0)}
+    yield from outages(name, full.summary["sweep"], marks, (0.5, 3.0), "filter with NHC")
     say(f"{name}: NIS {innovations(full)}")
     for every, must, good in ((1.0, 0.03, 0.015), (5.0, 0.12, 0.06), (10.0, 0.4, 0.2)):
         file, left = thinned(folder, every)
@@ -185,13 +192,15 @@ def car_rtk(folder: Path) -> Iterator[Row]:
             raw.pop("sweep", None)
 
         found = variant(folder, change)
-        arm = found.study.mounting.antenna_frd_m
+        arm = arm_of(found)
         left = left.where(left.time > left.time[0] + 60.0)
         both = {}
         for which, track in (("smoother", found.navigation.smoother), ("filter", found.navigation.filter)):
             delay = delay_of(found.navigation, found.study.input.gnss_delay_s, left.time, which == "smoother")
-            both[which], _ = place_errors(track, left, delay, arm)
-        note = f"95 % {np.nanpercentile(both['smoother'], 95):.3g} m; filter (rows of 10 Hz) {rms(both['filter']):.3g} m rms"
+            both[which] = place_errors(track, left, delay, arm)
+        note = (
+            f"95 % {np.nanpercentile(both['smoother'], 95):.3g} m; filter (10 Hz rows) {rms(both['filter']):.3g} m rms"
+        )
         yield Row(
             name,
             f"a fix each {every:g} s, smoother at the others, rms",
@@ -232,7 +241,13 @@ def thor(folder: Path) -> Iterator[Row]:
     full = variant(folder)
     yield from outages(name, full.summary["sweep"], marks, (0.0, 5.0), "filter with airspeed")
     say(f"{name}: NIS {innovations(full)}")
-    plain = variant(folder, without("input.speed", "input.height", "filter.speed_is", "filter.estimate"))
+
+    def bare(raw: dict[str, Any]) -> None:
+        without("input.speed", "input.height", "filter.speed_is")(raw)
+        air = ("current", "speed_scale", "height_bias")
+        raw["filter"]["estimate"] = [name for name in raw["filter"]["estimate"] if name not in air]
+
+    plain = variant(folder, bare)
     marks = {15.0: (18.0, 10.0), 30.0: (80.0, 37.0), 60.0: (450.0, 190.0)}
     yield from outages(name, plain.summary["sweep"], marks, (0.0, 5.0), "INS alone")
 
@@ -271,11 +286,11 @@ def quad(folder: Path) -> Iterator[Row]:
     for study in sorted(folder.glob("*/study.toml")):
         rows = dense_rows(study.parent)
         full = variant(study.parent, without("sweep"))
-        typed, arm = full.study.input.gnss_delay_s, full.study.mounting.antenna_frd_m
+        typed, arm = full.study.input.gnss_delay_s, arm_of(full)
         late = rows.where(rows.time > rows.time[0] + 3.0)
         for track, kept in ((full.navigation.smoother, smooth), (full.navigation.filter, filtered)):
             delay = delay_of(full.navigation, typed, late.time, kept is smooth)
-            kept.append(rms(place_errors(track, late, delay, arm)[0]))
+            kept.append(rms(place_errors(track, late, delay, arm)))
         errors = full.navigation.smoother, read(study.parent, "reference")
         tilts.append(tilt(*errors))
         for length in ends:
@@ -289,7 +304,7 @@ def quad(folder: Path) -> Iterator[Row]:
                     raw["outage"] = [{"sensor": "gnss", "start_s": a, "end_s": b} for a, b in spans]
 
                 found = variant(study.parent, change)
-                gnss = found.withheld["gnss"]
+                gnss, arm = found.withheld["gnss"], arm_of(found)
                 for a, b in spans:
                     gone = gnss.where((gnss.time >= a) & (gnss.time <= b))
                     last = gone.time[-1:]
@@ -300,7 +315,7 @@ def quad(folder: Path) -> Iterator[Row]:
                     )  # fmt: skip
                     inside = rows.where((rows.time >= a) & (rows.time <= b))
                     after = delay_of(found.navigation, typed, inside.time, True)
-                    worst = np.nanmax(place_errors(found.navigation.smoother, inside, after, arm)[0])
+                    worst = np.nanmax(place_errors(found.navigation.smoother, inside, after, arm))
                     ends[length].append(entry["horizontal_end_m"])
                     nees[length].append(entry["nees_half_end"])
                     largest[length].append(float(worst))

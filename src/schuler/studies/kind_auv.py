@@ -69,7 +69,6 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
     over, more = swept(study, inputs, progress)
     notes = [*inputs.notes, *not_estimated(study), *unread(study), *navigation.notes, *more]
     told = judged(study, made_by(study, seed), navigation, inputs, tables, each, notes)
-    notes += judging_notes(study, inputs, navigation, told)
     if study.sweep is not None:
         told["sweep"] = over
     return Result(
@@ -144,7 +143,7 @@ def judged(
     each: list[tuple[OutageSection, Table]],
     notes: list[str],
 ) -> dict[str, Any]:
-    """The content of summary.json."""
+    """The content of summary.json. What judging found that should be said is added to notes."""
     arm = study.mounting.reference_frd_m  # a simulation follows it too
     reference = inputs.reference
     series = smooth = None
@@ -177,6 +176,7 @@ def judged(
         "distrusted": distrusted(navigation.innovations),
         "notes": notes,
     }
+    notes += judging_notes(study, inputs, navigation, told)
     return told
 
 

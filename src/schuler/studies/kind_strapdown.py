@@ -21,7 +21,7 @@ from schuler.judging import consistency
 from schuler.judging.errors import circular, distance, error_series, spread, summary
 from schuler.judging.result import Result
 from schuler.studies.corrected import corrected
-from schuler.studies.inputs import check_gravity, check_overlap, read_tables, to_body
+from schuler.studies.inputs import check_gravity, check_overlap, place_notes, read_tables, to_body
 from schuler.studies.run import DEFAULT_SEED, Progress, made_by, register
 from schuler.studies.strapdown_start import Found, start_of
 
@@ -355,7 +355,8 @@ def recorded(study: Study, progress: Progress) -> Run:
     track = navigate(imu, found.start, vertical=study.filter.vertical, every=stride_of(study, rate))
     begin = _row(found.start, max(found.start.time, float(imu.time[0]) - 1.0 / rate))
     told = {"trajectory": "recording"}
-    return Run(track, WGS84, dict(inputs.tables), inputs.reference, {}, told, found.notes, found, begin)
+    notes = [*inputs.notes, *place_notes(study, inputs), *found.notes]
+    return Run(track, WGS84, dict(inputs.tables), inputs.reference, {}, told, notes, found, begin)
 
 
 def sensor_errors(study: Study) -> Any:

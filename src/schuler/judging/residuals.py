@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 BLOCKS = 10
 SURE = 4.0  # sigmas
 OVER_FIX = 3.0  # sigmas of a fix: a smaller arm is lost in its noise
+EXPLAINS = 0.9  # of the squared innovations may be left at most
 GATE = 5.0  # innovations beyond so many times their typical size are left out
 UNKNOWN_M = 30.0  # an arm whose sigma is larger is not seen at all
 
@@ -112,14 +113,15 @@ def _absorbed(C: Array, std: Array, fix_std: ArrayLike | None) -> Array:
 def lever_words(
     found: LeverCorrection | None, antenna_frd: Sequence[float], fix_sigma: float, arm: str = "antenna"
 ) -> str | None:
-    """One sentence where the arm is surely wrong: more than 4 sigma, and more than 3 sigmas of a fix; else None.
+    """One sentence where the arm is surely wrong; else None. Surely: more than 4 sigma, more than 3 sigmas of a fix, and
+    a tenth of the squared innovations goes with it.
 
     antenna_frd : (3,) m, the arm that was used. fix_sigma : m, of a fix, one axis.
     """
     if found is None:
         return None
     change = np.where(found.sure, found.correction, 0.0)
-    if float(np.linalg.norm(change)) <= OVER_FIX * fix_sigma:
+    if float(np.linalg.norm(change)) <= OVER_FIX * fix_sigma or found.rms_after**2 > EXPLAINS * found.rms_before**2:
         return None
     digits = 2 if fix_sigma < 0.3 else 1
     sigma = ["unseen" if np.isinf(s) else f"{s:.{digits}f}" for s in found.sigma]

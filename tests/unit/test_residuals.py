@@ -2,9 +2,15 @@
 
 import numpy as np
 import pytest
+from test_judging import track
 
+from schuler.aiding.solution import Innovations, Navigation
 from schuler.ground.frames import dcm_from_euler
-from schuler.judging.residuals import lever_correction, lever_words
+from schuler.ground.tables import Table
+from schuler.judging.residuals import lever_correction, lever_words, velocity_arm
+from schuler.studies.inputs import Inputs
+from schuler.studies.model import load_study
+from schuler.studies.remarks import lever_notes
 
 WRONG = np.array([1.2, -0.5, 0.0])
 
@@ -99,3 +105,41 @@ def test_gaps_outliers_and_too_few_fixes():
     np.testing.assert_allclose(lever_correction(y, C).correction[:2], WRONG[:2], atol=0.03)
     assert lever_correction(y[:20], C[:20]) is None
     assert lever_words(None, (0.0, 0.0, 0.0), 1.0) is None
+
+
+def test_velocities_see_an_arm_while_the_body_turns():
+    rng = np.random.default_rng(6)
+    C = attitudes(500, rng)
+    w = 0.3 * rng.normal(size=(500, 3))
+    A = velocity_arm(C, w)
+    np.testing.assert_allclose(A[7] @ WRONG, C[7] @ np.cross(w[7], WRONG), atol=1e-12)
+    y = A @ WRONG + 0.05 * rng.normal(size=(500, 3))
+    found = lever_correction(y, A)
+    np.testing.assert_allclose(found.correction, WRONG, atol=0.05)
+    assert "looks wrong" in lever_words(found, (0.0, 0.0, 0.0), 0.05)
+
+
+def test_the_notes_of_a_study_say_it_from_positions_or_velocities(tmp_path):
+    """Innovations of a filter whose arm is wrong; the same with a right arm, or with the arm estimated: no note."""
+    (tmp_path / "s.toml").write_text(
+        '[study]\nname = "s"\nkind = "aided"\n[input]\nimu = "imu.csv"\ngnss = "gnss.csv"\n[noise]\ngnss_correlated_m = 0.0\n'
+    )
+    (tmp_path / "imu.csv").write_text("")
+    (tmp_path / "gnss.csv").write_text("")
+    study = load_study(tmp_path / "s.toml")
+    rng = np.random.default_rng(7)
+    t = np.arange(0.0, 400.0, 1.0)
+    heading = 0.6 * np.cumsum(np.sin(2 * np.pi * t / 60.0))
+    s = track(t, np.zeros((len(t), 3)), rpy=np.column_stack([0 * t, 0 * t, heading]))
+    C = dcm_from_euler(0 * t, 0 * t, heading)
+    turn = np.column_stack([0 * t, 0 * t, np.gradient(heading, t)])
+    sigma = {c: np.full(len(t), 0.05) for c in ("std_north", "std_east", "std_down", "std_v_north", "std_v_east")}
+    gnss = Table("gnss", {"time": t, "lat": s.lat, "lon": s.lon, **sigma})
+    for kind, A in (("gnss_position", C), ("gnss_velocity", velocity_arm(C, turn))):
+        for dl, said in ((WRONG, True), (0 * WRONG, False)):
+            y = (A @ dl + 0.05 * rng.normal(size=(len(t), 3)))[:, :2]
+            i = Innovations(kind, ("north", "east"), "m", t + 0.5, y, np.full(y.shape, 0.051), 0 * t, t >= 0)
+            nav = Navigation(s, innovations={kind: i})
+            assert len(lever_notes(study, Inputs({"gnss": gnss}), nav)) == said
+            nav.states["antenna_lever_x"] = None
+            assert lever_notes(study, Inputs({"gnss": gnss}), nav) == []

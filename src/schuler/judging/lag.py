@@ -27,6 +27,7 @@ OVERLAP = 0.3  # of the shorter track, that a lag must leave
 BLOCKS = 10
 SURE = 4.0  # sigmas
 SMALLEST_S = 0.01  # a lag below this changes nothing that is judged
+NEARER = 0.95  # how much nearer the tracks must lie with the lag taken out
 EXPLAINS = 0.25  # share of the squared distances, about their block's mean, that a lag must explain
 SLOWEST_MPS = 0.02  # rms of the velocity about its blocks' means, below which nothing tells
 FIXES_S = 2.0  # receivers are late by less
@@ -51,7 +52,8 @@ class Lag:
     def significant(self) -> bool:
         """Whether it is worth a word: far outside its sigma, and it explains what it should."""
         apart = not np.isfinite(self.rms_before_m)
-        return abs(self.delay_s) > max(SURE * self.sigma_s, SMALLEST_S) and (apart or self.explained >= EXPLAINS)
+        better = apart or (self.explained >= EXPLAINS and self.rms_m < NEARER * self.rms_before_m)
+        return abs(self.delay_s) > max(SURE * self.sigma_s, SMALLEST_S) and better
 
 
 def reference_lag(solution: Solution, reference: Table) -> Lag | None:

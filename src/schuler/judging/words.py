@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 TOO_SMALL = 2.0  # measured size of innovations over their stated sigma, from which a sentence is said
-TOO_LARGE = 0.3
+TOO_LARGE = 0.15  # receivers and careful settings are often a few times too large
 NEES_HIGH = 9.0  # of one run, whose errors are correlated: sigmas three times too small
 INSIDE = 0.95  # of the errors inside 3 sigma: then a large mean NEES is of few moments
 FEW = 30  # innovations, below which nothing is said

@@ -49,9 +49,11 @@ def test_a_tenfold_sigma_is_found_and_said_and_a_true_one_is_not():
     assert "type gnss_m = [1" in words and "under [noise]" in words
     (words,) = consistency_words(small, {"gnss_m": (1.0, 1.0, 2.0)}, {"gnss": ["std_north", "lat"]})
     assert "multiply the std_ columns of the gnss table by 1" in words
-    large = {"nis": nis_table({"depth": innovations("depth", 0.1, d=1)})}
-    (words,) = consistency_words(large, {"depth_m": 0.5})
-    assert "too large" in words and "type depth_m = 0.0" in words
+    large = {"nis": nis_table({"gnss_velocity": innovations("gnss_velocity", 0.1)})}
+    (words,) = consistency_words(large, {"gnss_mps": (0.5, 0.5, 0.5)})
+    assert "too large" in words and "type gnss_mps = [0.0" in words
+    smooth = {"nis": nis_table({"speed": innovations("speed", 0.05, d=1), "zupt": innovations("zupt", 0.05, d=1)})}
+    assert consistency_words(smooth) == []  # errors that live long, sigmas that are bounds
 
 
 def test_what_recordings_do_gives_no_words():

@@ -122,7 +122,8 @@ def test_velocities_see_an_arm_while_the_body_turns():
 def test_the_notes_of_a_study_say_it_from_positions_or_velocities(tmp_path):
     """Innovations of a filter whose arm is wrong; the same with a right arm, or with the arm estimated: no note."""
     (tmp_path / "s.toml").write_text(
-        '[study]\nname = "s"\nkind = "aided"\n[input]\nimu = "imu.csv"\ngnss = "gnss.csv"\n[noise]\ngnss_correlated_m = 0.0\n'
+        '[study]\nname = "s"\nkind = "aided"\n[input]\nimu = "imu.csv"\ngnss = "gnss.csv"\n'
+        "[noise]\ngnss_correlated_m = 0.0\n"
     )
     (tmp_path / "imu.csv").write_text("")
     (tmp_path / "gnss.csv").write_text("")
@@ -133,7 +134,7 @@ def test_the_notes_of_a_study_say_it_from_positions_or_velocities(tmp_path):
     s = track(t, np.zeros((len(t), 3)), rpy=np.column_stack([0 * t, 0 * t, heading]))
     C = dcm_from_euler(0 * t, 0 * t, heading)
     turn = np.column_stack([0 * t, 0 * t, np.gradient(heading, t)])
-    sigma = {c: np.full(len(t), 0.05) for c in ("std_north", "std_east", "std_down", "std_v_north", "std_v_east")}
+    sigma = {f"std_{c}": np.full(len(t), 0.05) for c in ("north", "east", "down", "v_north", "v_east")}
     gnss = Table("gnss", {"time": t, "lat": s.lat, "lon": s.lon, **sigma})
     for kind, A in (("gnss_position", C), ("gnss_velocity", velocity_arm(C, turn))):
         for dl, said in ((WRONG, True), (0 * WRONG, False)):

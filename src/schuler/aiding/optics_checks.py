@@ -483,7 +483,7 @@ def lidar(
         which = "the other way round" if float(np.mean(el)) > 0.0 else "for a vehicle under the ground of the model"
         faults.append(
             Fault("up", f"{who}: {100 * status[kernel.NEVER] // len(some)} % of the beams do not come down to the "
-                  f"ground: elevation counts upwards from the body's plane, -90 deg is straight down; here it looks {which}",
+                  f"ground: elevation counts upwards from the body's plane, -90 deg is straight down; it looks {which}",
                   "change the sign of elevation" if which[:9] == "the other" else "compare heights of track and model")
         )  # fmt: skip
     if len(off) >= 5:

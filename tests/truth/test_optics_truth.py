@@ -194,3 +194,56 @@ def test_impossible_fields_are_refused(flight):
         optics.along_track(flight, 1e-9, 100.0)
     with pytest.raises(InputError, match="no picture"):
         optics.sightings(flight, Camera.of(1000.0), optics.along_track(flight, 1.0, 500.0))
+
+
+# ---- aboard a simulated vehicle ----
+
+
+def recording(**suite):
+    from schuler.truth.aided import AidedSuite, simulate
+    from schuler.truth.instruments import IMUS
+
+    path = legs(50.21 * D, 30.3 * D, 600.0, speed=80.0, heading=0.4, turns=[0.5], duration=100.0, turns_at=[40.0])
+    return simulate(path, IMUS["3dm-gx3-25"], AidedSuite(**suite), 50.0, seed=2)
+
+
+def test_a_vehicle_with_camera_and_lidar():
+    lidar = Lidar(0.05, 900.0)
+    made = recording(camera=CAMERA, sightings_hz=2.0, sightings_each=5, lidar=lidar, lidar_hz=3.0, ground_height=100.0,
+                     ground_relief=20.0)  # fmt: skip
+    tables = made.tables
+    assert {"sightings", "landmarks", "lidar", "height_model", "imu", "gnss"} <= set(tables)
+    for name in ("sightings", "landmarks", "lidar", "height_model"):
+        assert validate(tables[name]) == []
+    assert len(tables["sightings"]) == 2 * 100 * 5
+    model = HeightModel.from_table(tables["height_model"])
+    on_map = model.at(tables["landmarks"]["lat"], tables["landmarks"]["lon"])
+    np.testing.assert_allclose(tables["landmarks"]["height"], on_map, atol=1e-3)
+    assert np.std(tables["landmarks"]["height"]) > 5.0
+    # the plain way from the reference (10 Hz, on the same formula)
+    from schuler.aiding import optics_checks as checks
+
+    class Track:
+        time, lat, lon, height = (made.reference[c] for c in ("time", "lat", "lon", "height"))
+        rpy = made.reference.stack("roll", "pitch", "heading")
+
+    assert checks.camera(tables["sightings"], tables["landmarks"], CAMERA, Track) == []
+    assert checks.lidar(tables["lidar"], lidar, Track, model=model) == []
+
+
+def test_a_camera_disturbs_no_other_sensor():
+    with_it, without = recording(camera=CAMERA, sightings_hz=1.0), recording()
+    for name, column in (("imu", "dtheta_x"), ("gnss", "lat")):
+        assert np.array_equal(with_it.tables[name][column], without.tables[name][column])
+    with pytest.raises(InputError, match="need a camera"):
+        recording(sightings_hz=1.0)
+
+
+def test_turns_stand_where_they_are_put():
+    path = legs(0.8, 0.3, speed=200.0, heading=0.0, turns=[0.534, -0.534], turns_at=[130.0, 430.0],
+                turn_rate=2.1875 * 0.534 / 60.0, duration=600.0)  # fmt: skip
+    heading = path.at(np.array([99.0, 130.0, 161.0, 399.0, 430.0, 461.0])).rpy[:, 2]
+    np.testing.assert_allclose(np.mod(heading + 1.0, 2 * math.pi) - 1.0, [0, 0.267, 0.534, 0.534, 0.267, 0], atol=1e-9)
+    for at, match in (([130.0], "one time for each"), ([130.0, 150.0], "overlaps"), ([10.0, 300.0], "overlaps")):
+        with pytest.raises(InputError, match=match):
+            legs(0.8, 0.3, speed=200.0, heading=0.0, turns=[0.5, -0.5], turns_at=at, turn_rate=0.0182, duration=600.0)

@@ -50,6 +50,15 @@ class HeightModel:
         step = [float(a[-1] - a[0]) / (len(a) - 1) for a in (lats, lons)]
         return cls(float(lats[0]), float(wrap_pi(lons[0] + table["lon"][0])), step[0], step[1], heights, sigma)
 
+    def table(self) -> Table:
+        """As the contract's table, holes left out."""
+        rows, columns = self.heights.shape
+        lat = np.repeat(self.lat0 + self.dlat * np.arange(rows), columns)
+        lon = np.asarray(wrap_pi(np.tile(self.lon0 + self.dlon * np.arange(columns), rows)))
+        h = self.heights.ravel()
+        there = np.isfinite(h)
+        return Table("height_model", {"lat": lat[there], "lon": lon[there], "height": h[there]}, source="height model")
+
     @property
     def grid(self) -> Array:
         """(4,) lat0, lon0, dlat, dlon, as the kernels take it."""

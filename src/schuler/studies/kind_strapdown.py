@@ -113,7 +113,7 @@ def trajectory_of(study: Study) -> Trajectory:
     elif t.preset == "legs":
         made = shapes.legs(
             *place, turns=[x * D for x in t.turns_deg], climbs=t.climbs_m, turn_rate=t.turn_rate_deg_per_s * D,
-            climb_rate=t.climb_rate_mps, **moving,
+            climb_rate=t.climb_rate_mps, turns_at=t.turns_at_s, **moving,
         )  # fmt: skip
     elif t.preset in ("car", "flight"):
         made = lively(study, place, heading, earth)

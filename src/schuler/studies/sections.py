@@ -399,6 +399,7 @@ class TrajectorySection(Section):
     )
     variety: int = key(0, '"car" and "flight": another number is another drive or flight', ge=0, le=10000)
     turns_deg: Numbers = key((), "turns, one after the other, clockwise", "deg")
+    turns_at_s: Numbers = key((), "middle of each turn; absent: spread evenly", "s")
     turn_rate_deg_per_s: float = key(1.5, "fastest rate of a turn", "deg/s", gt=0)
     climbs_m: Numbers = key((), "change of height in the middle of each leg", "m")
     climb_rate_mps: float = key(10.0, "fastest rate of a climb", "m/s", gt=0)

@@ -20,13 +20,18 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from schuler.ground.camera import Camera
 from schuler.ground.earth import Ellipsoid
 from schuler.ground.errors import InputError
-from schuler.ground.frames import dcm_from_euler, dcm_from_quat, euler_from_dcm
+from schuler.ground.frames import dcm_from_euler, dcm_from_quat, euler_from_dcm, quat_from_dcm
+from schuler.ground.lidar import Lidar
 from schuler.ground.tables import Table
+from schuler.ground.terrain import HeightModel
 from schuler.ground.units import DEG
+from schuler.truth.aided_optics import lidar_ranges, sightings
 from schuler.truth.imu_errors import Measured, measure
 from schuler.truth.instruments import Arm, ImuModel, Magnetometer
+from schuler.truth.optics import OESON
 from schuler.truth.sensors import Walk
 from schuler.truth.streams import stream
 from schuler.truth.trajectories import Trajectory, Truth
@@ -52,6 +57,9 @@ class AidedSuite:
     offset, m/sqrt(s).
     start_std : position NED (m), velocity NED (m/s), roll pitch heading (rad) of the start that the filter is told.
     landmarks : beacons at known places; None: `beacons` of them on a circle around the track.
+    sightings_each : fresh landmarks a picture, spread over +-picture (px); sightings_wrong: share with a wrong name.
+    lidar_swing : rad, of two beams to the left and right of one straight down, taken in turn. ground_height, _relief,
+    _std : m, of the ground, its hills and the map's own error; without relief the ground is flat.
     """
 
     gnss_hz: float = 1.0
@@ -97,6 +105,17 @@ class AidedSuite:
     beacons: int = 4
     beacon_radius: float | None = None
     landmarks: Table | None = None
+    camera: Camera | None = None
+    sightings_hz: float = 0.0
+    sightings_each: int = 6
+    sightings_wrong: float = 0.0
+    picture: tuple[float, float] = OESON
+    lidar: Lidar | None = None
+    lidar_hz: float = 0.0
+    lidar_swing: float = 20.0 * DEG
+    ground_height: float = 0.0
+    ground_relief: float = 0.0
+    ground_std: float = 0.0
     imu_to_body: Arm = (0.0, 0.0, 0.0)
     mounting_std: float = 0.0
     imu_kind: Literal["increments", "rates"] = "increments"
@@ -144,7 +163,7 @@ def simulate(
 ) -> AidedRecording:
     """One recording of `suite` on `trajectory`, the IMU at rate_hz; the same (seed, run) gives the same numbers."""
     vehicle = _Vehicle(trajectory, suite, seed, run)
-    for add in (_reference, _gnss, _speed, _dvl, _depth, _height, _ranges):
+    for add in (_reference, _gnss, _speed, _dvl, _depth, _height, _ranges, sightings, lidar_ranges):
         add(vehicle)
     vehicle.evaluate()
     measured, tables = _imu(vehicle, imu, rate_hz)
@@ -152,10 +171,12 @@ def simulate(
     reference = tables.pop("reference")
     if vehicle.landmarks is not None:
         tables["landmarks"] = vehicle.landmarks
+    if "lidar" in tables and isinstance(vehicle.ground, HeightModel):
+        tables["height_model"] = vehicle.ground.table()
     states = vehicle.states | _imu_states(vehicle, imu, measured, reference.time)
     return AidedRecording(
         tables, reference, states, _start(vehicle), measured, vehicle.declination, vehicle.field_n,
-        list(trajectory.notes),
+        [*trajectory.notes, *vehicle.notes],
     )  # fmt: skip
 
 
@@ -173,6 +194,8 @@ class _Vehicle:
         self.C_vb = np.asarray(dcm_from_euler(*turn))
         self.declination: float | None = None
         self.field_n: Array | None = None
+        self.notes: list[str] = []
+        self.ground: HeightModel | float = suite.ground_height
 
     def random(self, quantity: str) -> np.random.Generator:
         return stream(self.seed, self.run, quantity)
@@ -230,6 +253,12 @@ class _Moments:
     def C_nb(self) -> Array:
         """(n, 3, 3): the vehicle's attitude, and the mounting."""
         return np.asarray(dcm_from_quat(self.of("q_nb")) @ self.vehicle.C_vb)
+
+    def truth(self) -> Truth:
+        """Place and attitude of the body, with the stamps as times; rates and forces left out."""
+        none = np.empty((len(self.time), 0))
+        lat, lon, height, v_n = (self.of(k) for k in ("lat", "lon", "height", "v_n"))
+        return Truth(self.time, lat, lon, height, v_n, quat_from_dcm(self.C_nb), none, none)
 
     @property
     def rate(self) -> Array:

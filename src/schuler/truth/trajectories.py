@@ -330,24 +330,35 @@ def rhumb_line(
 def legs(
     lat: float, lon: float, height: float = 0.0, *, speed: float, heading: float, turns: Sequence[float] = (),
     climbs: Sequence[float] = (), turn_rate: float = math.radians(1.5), climb_rate: float = 10.0,
-    duration: float = 3600.0, earth: Ellipsoid = WGS84,
+    duration: float = 3600.0, turns_at: Sequence[float] = (), earth: Ellipsoid = WGS84,
 ) -> Trajectory:  # fmt: skip
     """Straight legs with coordinated turns between them, and climbs in the middle of the legs.
 
-    turns (rad, clockwise) are spread evenly over the duration, at a peak rate of turn_rate (rad/s); climbs[i] (m) lies
-    in mid-leg i, at a peak rate of climb_rate (m/s); none is shorter than 2 s. Bank is atan(speed rate/g).
+    turns (rad, clockwise) are spread evenly over the duration, or have their middles at turns_at (s), at a peak rate of
+    turn_rate (rad/s); climbs[i] (m) lies in mid-leg i, at a peak rate of climb_rate (m/s); none is shorter than 2 s.
+    Bank is atan(speed rate/g).
     """
     p = _profiles(speed, heading)
     count = max(len(turns), len(climbs) - 1)
     leg = duration / (count + 1)
+    if turns_at and len(turns_at) != len(turns):
+        raise InputError(f"{len(turns)} turns and {len(turns_at)} times in turns_at: give one time for each turn")
+    middles = list(turns_at) or [leg * (i + 1) for i in range(len(turns))]
     for i, turn in enumerate(turns):
         length = max(2.1875 * abs(turn) / turn_rate, SHORTEST)  # peak of the step's slope
-        if length > 0.95 * leg:
+        if turns_at:
+            low = middles[i - 1] + 0.5 * max(2.1875 * abs(turns[i - 1]) / turn_rate, SHORTEST) if i else 0.0
+            if middles[i] - 0.5 * length < low or middles[i] + 0.5 * length > duration:
+                raise InputError(
+                    f"turn {i + 1} of {math.degrees(turn):g} deg takes {length:.0f} s about {middles[i]:g} s: it "
+                    "overlaps the one before or the ends; space the times wider or raise turn_rate_deg_per_s"
+                )
+        elif length > 0.95 * leg:
             raise InputError(
                 f"turn {i + 1} of {math.degrees(turn):g} deg takes {length:.0f} s, longer than its leg of {leg:.0f} s: "
                 "lengthen duration_s or raise turn_rate_deg_per_s"
             )
-        p[COURSE].step(leg * (i + 1) - 0.5 * length, length, turn)
+        p[COURSE].step(middles[i] - 0.5 * length, length, turn)
     for i, climb in enumerate(climbs):
         length = max(2.1875 * abs(climb) / climb_rate, SHORTEST)
         if length > 0.95 * leg:

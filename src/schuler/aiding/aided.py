@@ -22,6 +22,7 @@ from schuler.aiding.aided_still import standing
 from schuler.aiding.solution import Innovations, Navigation, Solution, StateHistory
 from schuler.ground.errors import InputError
 from schuler.ground.tables import Table, Tables
+from schuler.ground.terrain import HeightModel
 
 __all__ = ["AidedSettings", "Sensor", "Start", "navigate", "settled"]
 
@@ -71,6 +72,8 @@ def navigate(tables: Tables, settings: AidedSettings, sensors: Sequence[Sensor] 
     if len(rows) < 10:
         raise InputError(f"the imu table holds {len(rows)} rows; nothing can be navigated with so few")
     gnss = tables.get("gnss")
+    if "height_model" in tables and settings.height_model is None:
+        settings = replace(settings, height_model=HeightModel.from_table(tables["height_model"]))
     settings, notes = settled(tables, settings)
     assert settings.estimate is not None
     layout = layout_of(settings, settings.estimate)
@@ -219,6 +222,9 @@ _NAMES: dict[str, tuple[str, tuple[str, ...], str]] = {  # kernel's kind -> name
     "ATTITUDE": ("attitude", ("roll", "pitch", "heading"), "rad"),
     "MAGNETOMETER": ("magnetometer", ("heading",), "rad"),
     "RANGE": ("ranges", ("range",), "m"),
+    "SIGHTING": ("sightings", ("u", "v"), "px"),
+    "LIDAR": ("lidar", ("range",), "m"),
+    "TERRAIN": ("lidar_ground", ("range",), "m"),
     "NONHOLONOMIC": ("nhc", ("right", "down"), "m/s"),
     "STANDING_V": ("zupt", ("north", "east", "down"), "m/s"),
     "STANDING_W": ("zaru", ("x", "y", "z"), "rad/s"),
@@ -235,7 +241,7 @@ def _innovations(
     kinds, times, innov = events.kind[:done], events.time[:done], kept.innov[:done]
     sets: list[tuple[str, tuple[str, ...], str, Array, Array]] = []
     for name in ("POSITION", "VELOCITY", "COURSE", "SPEED", "BOTTOM_TRACK", "DEPTH", "HEIGHT", "ATTITUDE",
-                 "MAGNETOMETER", "RANGE"):  # fmt: skip
+                 "MAGNETOMETER", "RANGE", "SIGHTING", "LIDAR", "TERRAIN"):  # fmt: skip
         mine = kinds == getattr(m, name)
         sets.append((*_NAMES[name], times[mine], innov[mine, 0]))
         if name in ("POSITION", "VELOCITY"):

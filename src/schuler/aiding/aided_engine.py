@@ -96,6 +96,9 @@ class Engine:
         self.dx = np.zeros(n)
         self.ring = np.zeros((k.RING, k.RING_W))
         self.work = np.zeros((2, k.NAV, n))
+        model = settings.height_model
+        # without a height model one that covers nothing
+        self.world = (np.ones(4), np.full((2, 2), np.nan)) if model is None else (model.grid, model.heights)
         self.kept = room(n)
 
     def begin(self, start: StartState) -> None:
@@ -150,7 +153,7 @@ class Engine:
     def clone(self) -> Engine:
         """A copy that goes its own way (without what was kept)."""
         other = Engine.__new__(Engine)
-        other.settings, other.layout = self.settings, self.layout
+        other.settings, other.layout, other.world = self.settings, self.layout, self.world
         for name in ("c", "x", "P", "S", "dec", "qd", "dx", "ring", "work"):
             setattr(other, name, getattr(self, name).copy())
         other.kept = room(self.layout.n)
@@ -164,8 +167,8 @@ class Engine:
         return int(
             run(
                 self.x, self.P, self.S, self.dec, self.qd, self.layout.beta, self.layout.noise, self.layout.ie, self.c,
-                self.dx, self.ring, self.work, rows, still, events.time, events.kind, events.z, out_dt, k.ox, *k.cov,
-                k.innov, *k.inner, k.nodes, k.node_time, k.node_std, k.counts, inside,
+                self.dx, self.ring, self.world, self.work, rows, still, events.time, events.kind, events.z, out_dt,
+                k.ox, *k.cov, k.innov, *k.inner, k.nodes, k.node_time, k.node_std, k.counts, inside,
             )
         )  # fmt: skip
 

@@ -6,6 +6,7 @@ A measurement is a time, a kind (kernels.aided_measure) and ZW numbers: what was
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf, pi
 
@@ -23,6 +24,8 @@ SPEED_HZ = {"ground": 10.0, "water": 2.0, "air": 2.0}  # waves and gusts last
 HEIGHT_HZ = 2.0
 COURSE_MPS = 1.0  # slower, a course says nothing
 MAG = ("mag_x", "mag_y", "mag_z")
+_STD_PLACE = ("std_north", "std_east", "std_down")
+Add = Callable[..., None]
 
 
 @dataclass
@@ -159,6 +162,10 @@ def events_of(tables: Tables, s: AidedSettings) -> Events:
         add(k.MAGNETOMETER, imu, [field_b[:, 0], field_b[:, 1], field_b[:, 2], s.mag_std], keep)
     if "ranges" in tables:
         _add_ranges(tables, s, add, notes)
+    if "sightings" in tables:
+        _add_sightings(tables, s, add, notes)
+    if "lidar" in tables:
+        _add_lidar(tables, s, add, notes)
     if not parts:
         return Events(np.zeros(0), np.zeros(0, np.int64), np.zeros((0, ZW)), notes)
     time = np.concatenate([p[0] for p in parts])
@@ -176,29 +183,98 @@ def speed_of(table: Table) -> Array:
     return np.where(dt > 0, table["ddist"] / dt, np.nan)
 
 
-def _add_ranges(tables: Tables, s: AidedSettings, add: object, notes: list[str]) -> None:
+def _identified(tables: Tables, name: str, notes: list[str]) -> tuple[Table, NDArray[np.int64]]:
+    """The landmarks, and which of them each row of a table means (-1: none of them)."""
+    rows, points = tables[name], tables.get("landmarks")
+    if points is None:
+        raise InputError(f"{name} need the places of what they saw: name a landmarks table in [input]")
+    where = {str(key): i for i, key in enumerate(points["id"])}
+    told = rows["id"].astype(str)
+    names, inverse = np.unique(told, return_inverse=True)
+    index = np.array([where.get(str(key), -1) for key in names], dtype=np.int64)[inverse]
+    unknown = sorted(set(told[index < 0]) - {""})
+    if len(index) and (index < 0).all():
+        raise InputError(
+            f"{name}: none of their ids ({', '.join(unknown[:5]) or 'empty'}) is in the landmarks "
+            f"({', '.join(list(where)[:5])}); the ids must be the same words"
+        )
+    if unknown:
+        more = f" and {len(unknown) - 5} more" if len(unknown) > 5 else ""
+        notes.append(
+            f"{name}: {int((index < 0).sum())} rows of {', '.join(unknown[:5])}{more}: not in the landmarks, left out"
+        )
+    return points, index
+
+
+def _heights(points: Table) -> Array:
+    return points["height"].astype(float) if "height" in points else np.full(len(points), np.nan)
+
+
+def _add_sightings(tables: Tables, s: AidedSettings, add: Add, notes: list[str]) -> None:
+    from schuler.kernels import aided_measure as k
+
+    seen = tables["sightings"]
+    if s.camera is None:
+        raise InputError("sightings need the camera that saw them: type [camera] focal_px and the others")
+    points, index = _identified(tables, "sightings", notes)
+    at = np.maximum(index, 0)
+    height = _heights(points)[at]
+    blind = (index >= 0) & ~np.isfinite(height)
+    if blind.any():
+        notes.append(f"sightings: {int(blind.sum())} of landmarks without a height, left out")
+    keep = (index >= 0) & ~blind & np.isfinite(seen["u"]) & np.isfinite(seen["v"])
+    nan = np.zeros(len(points))
+    std = [np.nan_to_num(points[c].astype(float) if c in points else nan)[at] for c in _STD_PLACE]
+    add(
+        k.SIGHTING, seen,
+        [seen["u"], seen["v"], points["lat"][at], points["lon"][at], height,
+         _sigma(seen, "std_u", s.camera.sigma), _sigma(seen, "std_v", s.camera.sigma), *std], keep,
+    )  # fmt: skip
+
+
+def _add_lidar(tables: Tables, s: AidedSettings, add: Add, notes: list[str]) -> None:
+    """Rows with an id range a landmark; those without one range the ground of a height model."""
+    from schuler.kernels import aided_measure as k
+
+    beams = tables["lidar"]
+    sigma = _sigma(beams, "std_range", s.lidar_std)
+    good = np.isfinite(beams["range"])
+    far = good & (beams["range"] > s.lidar_reach)
+    if far.any():
+        notes.append(f"lidar: {int(far.sum())} ranges beyond the sensor's {s.lidar_reach:g} m, left out")
+        good &= ~far
+    named = np.zeros(len(beams), dtype=bool)
+    if "id" in beams:
+        named = np.char.strip(beams["id"].astype(str)) != ""
+        if named.any():
+            points, index = _identified({**tables, "lidar": beams.where(named)}, "lidar", notes)
+            at = np.zeros(len(beams), np.int64)
+            at[named] = np.maximum(index, 0)
+            known = named.copy()
+            known[named] = index >= 0
+            up = _heights(points)[at]
+            add(
+                k.LIDAR, beams, [beams["range"], points["lat"][at], points["lon"][at], up, 0.0, sigma],
+                good & known & np.isfinite(up),
+            )  # fmt: skip
+    ground = good & ~named
+    if ground.any() and s.height_model is None:
+        notes.append(f"lidar: {int(ground.sum())} beams without an id, and no height_model to range: left out")
+    elif ground.any():
+        add(k.TERRAIN, beams, [beams["range"], beams["azimuth"], beams["elevation"], np.nan, np.nan, sigma], ground)
+
+
+def _add_ranges(tables: Tables, s: AidedSettings, add: Add, notes: list[str]) -> None:
     from schuler.kernels import aided_measure as k
 
     ranges = tables["ranges"]
-    points = tables.get("landmarks")
-    if points is None:
-        raise InputError("ranges need the places of the beacons: name a landmarks table in [input]")
-    where = {str(name): i for i, name in enumerate(points["id"])}
-    index = np.array([where.get(str(name), -1) for name in ranges["id"]])
-    unknown = sorted({str(n) for n, i in zip(ranges["id"], index, strict=True) if i < 0})
-    if unknown:
-        if len(unknown) == len({str(n) for n in ranges["id"]}):
-            raise InputError(
-                f"ranges: no beacon of the ranges ({', '.join(unknown[:5])}) is in the landmarks "
-                f"({', '.join(list(where)[:5])}); the ids must be the same words"
-            )
-        notes.append(f"ranges to {', '.join(unknown[:8])}: not in the landmarks, left out")
+    points, index = _identified(tables, "ranges", notes)
     keep = (index >= 0) & np.isfinite(ranges["range"])
     at = np.maximum(index, 0)
-    height = points["height"].astype(float) if "height" in points else np.full(len(points), np.nan)
+    height = _heights(points)
     flat = ~np.isfinite(height[at])
     up = np.where(flat, 0.0, height[at])
-    add(  # type: ignore[operator]
+    add(
         k.RANGE, ranges,
         [ranges["range"], points["lat"][at], points["lon"][at], up, flat.astype(float),
          _sigma(ranges, "std_range", s.range_std)], keep,

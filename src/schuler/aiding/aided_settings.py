@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from schuler.aiding.auv_settings import Start as PlaceStart
+from schuler.ground.camera import Camera
 from schuler.ground.errors import InputError
+from schuler.ground.terrain import HeightModel
 
 Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
@@ -88,6 +90,13 @@ class AidedSettings:
     range_std: float = 0.5
     range_scale_std: float = 0.02
     range_bias_std: float = 0.5
+    camera: Camera | None = None
+    lidar_std: float = 0.1
+    lidar_arm: Vector = (0.0, 0.0, 0.0)
+    lidar_reach: float = 1000.0
+    lidar_divergence: float = 0.0  # rad, full angle
+    ground_std: float = 0.5  # m, of the height model
+    height_model: HeightModel | None = None
     user_std: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     user_walk: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     # vehicle
@@ -107,6 +116,8 @@ class AidedSettings:
     # how the filter works
     estimate: tuple[str, ...] | None = None
     open_loop: bool = False
+    vertical: str = "free"  # "held": height and v_down; "zeroed": held, but left in the covariance (listing A.2)
+    bias_model: str = "auto"  # "walk", "gauss-markov"; auto: the latter where there is no turn-on bias
     gate: bool = True
     distrust: float = 60.0  # s: so long fixes may contradict the filter before they are believed
     distrust_early: float = 5.0  # the same in the filter's first minute
@@ -178,9 +189,10 @@ def layout_of(s: AidedSettings, names: tuple[str, ...]) -> Layout:
 
     def bias(std: Vector, instability: float, tau: float, walk: float) -> tuple[Array, float, float]:
         first = np.asarray(std, dtype=float)
-        if instability > 0.0 and float(first.max()) <= instability and walk == 0.0:
+        alone = float(first.max()) <= instability and walk == 0.0
+        if instability > 0.0 and (s.bias_model == "gauss-markov" or (s.bias_model == "auto" and alone)):
             # in-run alone: a stationary Gauss-Markov process
-            return np.full(3, instability), 2.0 * instability**2 / tau, 1.0 / tau
+            return np.full(3, instability) if alone else first, 2.0 * instability**2 / tau, 1.0 / tau
         # a turn-on constant that the in-run part moves: its short-time behaviour is a random walk
         return np.hypot(first, instability), 2.0 * instability**2 / tau + walk**2, 0.0
 
@@ -252,9 +264,17 @@ def configuration(s: AidedSettings, interval: float) -> Array:
     c[k.ZARU] = s.zaru_std if standing else 0.0
     c[k.DISTRUST_S], c[k.EARLY_S] = s.distrust, s.distrust_early
     c[k.GATE], c[k.OPEN_LOOP] = float(s.gate), float(s.open_loop)
+    c[k.HELD] = {"free": 0.0, "held": 1.0, "zeroed": 2.0}[s.vertical]
     c[k.RELATIVE] = float(s.speed_is != "ground")
     c[k.DECL], c[k.MAG_STD] = s.declination, s.mag_std
     c[k.NODE_DT] = s.node_interval
+    c[k.C_CB : k.C_CB + 9] = np.eye(3).ravel()
+    if s.camera is not None:
+        c[k.FOCAL], c[k.U0], c[k.V0] = s.camera.focal, s.camera.u0, s.camera.v0
+        c[k.CAM : k.CAM + 3] = s.camera.l_b
+        c[k.C_CB : k.C_CB + 9] = s.camera.C_cb.ravel()
+    c[k.LID : k.LID + 3] = s.lidar_arm
+    c[k.REACH], c[k.DIVERGENCE], c[k.GROUND] = s.lidar_reach, s.lidar_divergence, s.ground_std
     if not isfinite(float(c.sum())):
         raise InputError("a setting of the aided filter is not a number")
     return c

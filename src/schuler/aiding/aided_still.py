@@ -30,8 +30,8 @@ def standing(rows: Array, fix_time: Array | None = None, fix_speed: Array | None
     """(k,) whether the IMU rows (k, 7) look like standing: quiet over the last 0.6 s, not turning.
 
     fix_time, fix_speed: speeds over ground where fixes or wheels tell them. They set how quiet standing is for this
-    vehicle and forbid it while they move; where rest and motion sound alike (a simulation, a smooth rail) it stands only
-    while they say so.
+    vehicle and forbid it while they move; where rest and motion sound alike (a simulation, a smooth rail) it stands
+    only while they say so.
     """
     n = len(rows)
     if n < 20:

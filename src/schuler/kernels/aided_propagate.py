@@ -28,6 +28,7 @@ from .aided_state import (
     GAP_W,
     GRAV,
     HEAD,
+    HELD,
     HGT,
     ISO,
     LAT,
@@ -221,6 +222,8 @@ def advance(x, P, S, dec, qd, beta, q, ie, c, dx, t1, gap, work, keep):
         d1 = t1_ - dt * (r2 * m0 - r0 * m2)
         d2 = t2 + grav * dt - dt * (r0 * m1 - we * m0)
     b0, b1, b2 = v0 + 0.5 * d0, v1 + 0.5 * d1, v2 + 0.5 * d2
+    if c[HELD] > 0.5:
+        v2 = b2 = d2 = 0.0
     x[VEL], x[VEL + 1], x[VEL + 2] = v0 + d0, v1 + d1, v2 + d2
     x[LAT] += b0 * dt / x[RN]
     x[LON] = wrap_pi(x[LON] + b1 * dt / (x[RE] * x[CLAT]))
@@ -338,6 +341,9 @@ def advance(x, P, S, dec, qd, beta, q, ie, c, dx, t1, gap, work, keep):
             for j in range(NAV, m):
                 Phi[i, j] = 0.0
             Phi[i, 0] = Phi[i, 1] = Phi[i, 2] = 0.0
+    if c[HELD] > 0.5 and c[HELD] < 1.5:
+        for j in range(n):
+            P[5, j] = P[j, 5] = P[8, j] = P[j, 8] = 0.0
     # --- covariance ----------------------------------------------------------------------------------------------
     _noise(P, c, qd, x, dt, gap, c00, c01, c02, c10, c11, c12, c20, c21, c22)
     for i in range(NAV):
@@ -365,6 +371,9 @@ def advance(x, P, S, dec, qd, beta, q, ie, c, dx, t1, gap, work, keep):
                 P[i, j] *= dec[i]
                 P[j, i] *= dec[i]
     _noise(P, c, qd, x, dt, gap, c00, c01, c02, c10, c11, c12, c20, c21, c22)
+    if c[HELD] > 0.5 and c[HELD] < 1.5:
+        for j in range(n):
+            P[5, j] = P[j, 5] = P[8, j] = P[j, 8] = 0.0
     if keep:
         for i in range(NAV):
             for j in range(n):

@@ -20,14 +20,17 @@ from .aided_measure import (
     DOWN_VELOCITY,
     HEIGHT,
     HEIGHT_FIX,
+    LIDAR,
     LOOK,
     MAGNETOMETER,
     NONHOLONOMIC,
     POSITION,
     RANGE,
+    SIGHTING,
     SPEED,
     STANDING_V,
     STANDING_W,
+    TERRAIN,
     VELOCITY,
     attitude,
     bottom_track,
@@ -46,6 +49,7 @@ from .aided_measure import (
     standing_velocity,
     velocity,
 )
+from .aided_optics import lidar_point, lidar_terrain, sighting
 from .aided_propagate import advance, begin_row, end_row
 from .aided_state import (
     BADH,
@@ -94,10 +98,11 @@ ROW, MEAS, ROWS_OUT, INNER, NODES, STATUS = range(6)
 
 
 @njit(cache=True, error_model="numpy")
-def measure(x, P, ie, c, dx, ring, kind, z, H, r, R, out):
+def measure(x, P, ie, c, dx, ring, world, kind, z, H, r, R, out):
     """One measurement of any built-in kind; out (2, INNOVATION): its blocks (the second NaN where there is one only).
 
-    z: what was measured first, then sigmas, as `aiding.aided_rows` lays them. Returns the variance put on the position
+    world: the height model's grid (4) and heights. z: what was measured first, then sigmas, as `aiding.aided_rows` lays
+    them. Returns the variance put on the position
     N, E, D by a fix that was forced in (3 numbers).
     """
     n = P.shape[0]
@@ -179,6 +184,15 @@ def measure(x, P, ie, c, dx, ring, kind, z, H, r, R, out):
         distance(x, ie, z, H, r)
         R[0] = z[5] * z[5] + curvature(P, H[0, DR], H[0, DR + 1], H[0, DR + 2], max(z[0], 0.1))
         take(x, P, ie, c, dx, H, r, R, 0, 1, RANGE, -1, out[0])
+    elif kind == SIGHTING:
+        if sighting(x, c, z, H, r, R) == 2:
+            take(x, P, ie, c, dx, H, r, R, 0, 2, SIGHTING, -1, out[0])
+    elif kind == LIDAR:
+        lidar_point(x, c, z, H, r, R)
+        take(x, P, ie, c, dx, H, r, R, 0, 1, LIDAR, -1, out[0])
+    elif kind == TERRAIN:
+        if lidar_terrain(x, c, world[0], world[1], z, H, r, R) == 1:
+            take(x, P, ie, c, dx, H, r, R, 0, 1, TERRAIN, -1, out[0])
     return g0, g0, g1
 
 
@@ -309,14 +323,14 @@ def covariances(x, P, pos, vel, att):
 
 
 @njit(cache=True, error_model="numpy")
-def measure_all_at(x, P, ie, c, dx, ring, t, mt, mk, mz, innov, nodes, H, r, R, n):
+def measure_all_at(x, P, ie, c, dx, ring, world, t, mt, mk, mz, innov, nodes, H, r, R, n):
     """Every measurement stamped t, in the order given. False where the next one is the caller's to make."""
     i = n[NODES]
     while n[MEAS] < mt.shape[0] and mt[n[MEAS]] <= t:
         k = n[MEAS]
         if mk[k] >= USER:
             return False
-        g0, g1, g2 = measure(x, P, ie, c, dx, ring, mk[k], mz[k], H, r, R, innov[k])
+        g0, g1, g2 = measure(x, P, ie, c, dx, ring, world, mk[k], mz[k], H, r, R, innov[k])
         if g0 + g1 + g2 > 0.0 and i < nodes[1].shape[0] and mk[k] == POSITION:
             nodes[1][i, 6, 6] += g0
             nodes[1][i, 7, 7] += g1
@@ -327,8 +341,8 @@ def measure_all_at(x, P, ie, c, dx, ring, t, mt, mk, mz, innov, nodes, H, r, R, 
 
 @njit(cache=True, error_model="numpy")
 def run(
-    x, P, S, dec, qd, beta, q, ie, c, dx, ring, work, rows, still, mt, mk, mz, out_dt, ox, opos, ovel, oatt, innov,
-    inner_t, inner_k, inner, nodes, nt, ustd, n, inside,
+    x, P, S, dec, qd, beta, q, ie, c, dx, ring, world, work, rows, still, mt, mk, mz, out_dt, ox, opos, ovel, oatt,
+    innov, inner_t, inner_k, inner, nodes, nt, ustd, n, inside,
 ):  # fmt: skip
     """Filters a recording from row n[ROW] and measurement n[MEAS] on; returns 0 at the end.
 
@@ -369,7 +383,7 @@ def run(
                     continue
                 open_node(x, P, dx, S, nodes, n)
             inside = False
-            if not measure_all_at(x, P, ie, c, dx, ring, x[T], mt, mk, mz, innov, nodes, H, r, R, n):
+            if not measure_all_at(x, P, ie, c, dx, ring, world, x[T], mt, mk, mz, innov, nodes, H, r, R, n):
                 n[ROW] = i
                 return 1
             whole = x[T] >= t

@@ -73,7 +73,9 @@ FOCAL, U0, V0, CAM, C_CB = 27, 28, 29, 30, 33  # camera: focal length px, princi
 NODE_DT = 42
 T0 = 43
 SWAY_Y, SWAY_Z = 44, 45  # constraint: angles that a body on springs and tyres yaws and pitches by, rad
-NC = 46
+LID, REACH, DIVERGENCE, GROUND = 46, 49, 50, 51  # lidar: arm (3), how far it sees, angle of its beam; sigma of ground
+HELD = 52  # height and v_down: 0 free, 1 held and out of the error state, 2 held, zeroed in the estimate only
+NC = 53
 
 RING = 1024
 RING_W = 14  # time, displacement (3), velocity integral (3), quaternion (4), rate (3)

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from .aided_measure import VELOCITY
-from .aided_state import DISTRUST_S, DR, DV, EARLY_S, GATE, HARD, OPEN_LOOP, T0, T, correct
+from .aided_state import DISTRUST_S, DR, DV, EARLY_S, GATE, HARD, HELD, OPEN_LOOP, T0, T, correct
 
 LIMIT1, LIMIT2, LIMIT3 = 10.83, 13.82, 16.27  # chi-square 99.9 % of 1, 2, 3 degrees of freedom
 HARD_RATIO = 25.0  # five times the bound of an innovation
@@ -90,6 +90,9 @@ def scalar_update(P, d, h, r, R):
 def settle(x, ie, c, dx, d):
     """Takes the estimated error out of the nominal state (closed loop), or keeps it beside it (open loop)."""
     n = d.shape[0]
+    if c[HELD] > 0.5:
+        d[5] = 0.0
+        d[8] = 0.0
     if c[OPEN_LOOP] > 0.5:
         for i in range(n):
             dx[i] = d[i]

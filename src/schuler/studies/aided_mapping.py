@@ -12,6 +12,7 @@ from schuler.studies.auv_mapping import PER_SQRT_H, given, imu_model, output_rat
 
 if TYPE_CHECKING:
     from schuler.aiding.aided_settings import AidedSettings, Start
+    from schuler.ground.camera import Camera
     from schuler.studies.model import Study
     from schuler.truth.instruments import ImuModel
 
@@ -21,8 +22,10 @@ WIND_MPS, WIND_WALK = 8.0, 0.1  # m/s, m/s/sqrt(s): what air does where the stud
 def aided_settings(study: Study, *, declination: float | None = None) -> AidedSettings:
     """Settings of kind "aided". declination: rad, where the study does not give it."""
     from schuler.aiding.aided_settings import AidedSettings
+    from schuler.studies.sections import LidarSection
 
     n, m, f = study.noise, study.mounting, study.filter
+    lidar = study.lidar or LidarSection()
     typed = study.input.declination_deg
     current, walk = n.current_mps, n.current_walk_mps_per_sqrt_h * PER_SQRT_H
     if f.speed_is == "air":
@@ -60,6 +63,12 @@ def aided_settings(study: Study, *, declination: float | None = None) -> AidedSe
         range_std=n.range_m,
         range_scale_std=0.01 * n.range_scale_percent,
         range_bias_std=n.range_bias_m,
+        camera=camera_of(study),
+        lidar_std=n.lidar_m,
+        lidar_arm=lidar.position_frd_m,
+        lidar_reach=lidar.reach_m,
+        lidar_divergence=1e-3 * lidar.divergence_mrad,
+        ground_std=lidar.ground_m,
         antenna=m.antenna_frd_m,
         dvl_arm=m.dvl_frd_m,
         speed_arm=m.speed_frd_m,
@@ -70,12 +79,27 @@ def aided_settings(study: Study, *, declination: float | None = None) -> AidedSe
         zupt_std=n.zupt_mps,
         estimate=None if f.estimate is None else estimates(study),
         open_loop=f.loop == "open",
+        vertical=f.vertical,
+        bias_model=f.bias_model,
         distrust=f.distrust_s,
         smoother=f.smoother,
         output_rate=output_rate(study),
     )
     imu = imu_model(study)
     return settings if imu is None else replace(settings, **imu_figures(imu))
+
+
+def camera_of(study: Study) -> Camera | None:
+    """The camera of [camera]."""
+    from schuler.ground.camera import Camera
+
+    k = study.camera
+    if k is None:
+        return None
+    return Camera.of(
+        k.focal_px, u0_px=k.u0_px, v0_px=k.v0_px, sigma_px=k.sigma_px, body_to_camera_rpy_deg=k.body_to_camera_rpy_deg,
+        position_frd_m=k.position_frd_m,
+    )  # fmt: skip
 
 
 def estimates(study: Study) -> tuple[str, ...]:
@@ -129,8 +153,7 @@ def start_of(study: Study) -> Start:
 def unread(study: Study) -> list[str]:
     """Sections, tables and keys that the study names and this kind does not read, as sentences."""
     notes = []
-    sections = ("mission", "platform") if study.input.tables else ("mission", "platform", "camera")
-    names = [name for name in sections if name in study.model_fields_set]
+    names = [name for name in ("mission", "platform") if name in study.model_fields_set]
     if names:
         notes.append(f'{", ".join(f"[{n}]" for n in names)}: not read by kind "aided"; left out')
     if "path_scale_percent" in given(study.noise):

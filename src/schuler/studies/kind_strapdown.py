@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +61,7 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
     model = imu_model(study)
     done = simulate(study, model, int(seed or 0), progress) if simulated else recorded(study, progress)
     progress("covariance")
-    held = study.filter.vertical == "held"
+    held = study.filter.vertical != "free"
     cov = covariances(study, model, done, held)
     track = done.track
     navigation = Navigation(Solution(track.time, track.lat, track.lon, track.height, track.v_n, track.rpy, *cov))
@@ -185,7 +185,7 @@ def simulate(study: Study, model: ImuModel, seed: int, progress: Progress, made:
     made = made or trajectory_of(study)
     rate = (study.trajectory or TrajectorySection()).rate_hz
     every = stride_of(study, rate)
-    held = study.filter.vertical == "held"
+    held = study.filter.vertical != "free"
     progress("exact truth and ideal IMU")
     level = bool(np.all(made.coefs[:, 1, :8] == 0.0)) and not np.any(made.waves[:, :1] == 1.0) and made.name != "track"
     need_all = held and not level
@@ -205,7 +205,7 @@ def simulate(study: Study, model: ImuModel, seed: int, progress: Progress, made:
         )  # fmt: skip
     start = Start.of(ideal.start)
     progress("navigating")
-    vertical = study.filter.vertical
+    vertical: Literal["free", "held"] = "held" if held else "free"
 
     def navigate(dtheta: Array, dv: Array) -> Track:
         form = StrapdownEcef if study.filter.frame == "ecef" else Strapdown
@@ -352,7 +352,9 @@ def recorded(study: Study, progress: Progress) -> Run:
     imu = inputs.tables["imu"]
     rate = 1.0 / float(np.median(np.diff(imu.time)))
     navigate = ecef.run if study.filter.frame == "ecef" else strapdown.run
-    track = navigate(imu, found.start, vertical=study.filter.vertical, every=stride_of(study, rate))
+    track = navigate(
+        imu, found.start, vertical="free" if study.filter.vertical == "free" else "held", every=stride_of(study, rate)
+    )
     begin = _row(found.start, max(found.start.time, float(imu.time[0]) - 1.0 / rate))
     told = {"trajectory": "recording"}
     notes = [*inputs.notes, *place_notes(study, inputs), *found.notes]
@@ -484,7 +486,7 @@ def judged(study: Study, made: dict[str, Any], navigation: Navigation, done: Run
     if reference is not None:
         during = (reference.time >= track.time[0]) & (reference.time <= track.time[-1])
         lat, lon = reference["lat"][during], reference["lon"][during]
-    if series is not None and study.filter.vertical == "held":  # no part of the error growth: nothing to judge
+    if series is not None and study.filter.vertical != "free":  # no part of the error growth: nothing to judge
         cov_pos, cov_vel = series.cov_pos.copy(), series.cov_vel.copy()
         for cov in (cov_pos, cov_vel):
             cov[:, 2, :] = cov[:, :, 2] = np.nan

@@ -19,6 +19,7 @@ from schuler.studies.sections import (
     FilterSection,
     ImuSection,
     InputSection,
+    LidarSection,
     MissionSection,
     MountingSection,
     NoiseSection,
@@ -46,6 +47,7 @@ class Study(Section):
     noise: NoiseSection = key(NoiseSection(), "1 sigma of the other sensors; std_ columns in a table win")
     mounting: MountingSection = key(MountingSection(), "where the sensors sit, from the IMU, in body FRD")
     camera: CameraSection | None = key(None, "with landmarks and sightings")
+    lidar: LidarSection | None = key(None, "with lidar, and landmarks or height_model")
     filter: FilterSection = key(FilterSection(), "what navigates")
     output: OutputSection = key(OutputSection(), "what is written")
     outage: Annotated[tuple[OutageSection, ...], BeforeValidator(as_tuple)] = key((), "withholds a sensor: [[outage]]")

@@ -260,6 +260,7 @@ class NoiseSection(Section):
     mag_deg: float = key(1.5, "heading from the magnetometer", "deg", gt=0)
     range_m: float = key(0.5, "range to a known point", "m", gt=0)
     slip_m_per_sqrt_m: float = key(0.05, 'path error of wheels, along and across; kind "planar"', "m/sqrt(m)", ge=0)
+    lidar_m: float = key(0.1, "range of a lidar", "m", gt=0)
     wave_mps: float = key(0.06, "orbital velocity of waves at the surface, rms of one axis", "m/s", ge=0)
     wave_period_s: float = key(5.0, "their period", "s", gt=0)
     current_mps: float = key(0.3, "water current, each axis, prior", "m/s", ge=0)
@@ -298,6 +299,13 @@ class CameraSection(Section):
     position_frd_m: Three = key((0.0, 0.0, 0.0), "from the IMU to the camera", "m")
 
 
+class LidarSection(Section):
+    reach_m: float = key(1000.0, "how far it sees", "m", gt=0)
+    divergence_mrad: float = key(0.0, "full angle of its beam", "mrad", ge=0)
+    ground_m: float = key(0.5, "height model, 1 sigma", "m", ge=0)
+    position_frd_m: Three = key((0.0, 0.0, 0.0), "from the IMU to the lidar", "m")
+
+
 class FilterSection(Section):
     method: Literal["schuler", "paper", "paper-literal"] = key(
         "schuler", '"paper" and "paper-literal": kind "auv" only'
@@ -318,7 +326,14 @@ class FilterSection(Section):
     )
     loop: Literal["closed", "open"] = key("closed", '"open": errors are kept beside an INS that runs free, for study')
     distrust_s: float = key(60.0, "so long fixes may contradict the filter wildly before it believes them", "s", ge=0)
-    vertical: Literal["free", "held"] = key("free", 'kind "strapdown": "held" keeps height and v_down')
+    vertical: Literal["free", "held", "zeroed"] = key(
+        "free",
+        '"held" keeps height and v_down and takes them out of the error growth (kinds "strapdown", "aided"); "zeroed": '
+        "held, but left in the covariance, as the thesis's listing A.2 does",
+    )
+    bias_model: Literal["auto", "walk", "gauss-markov"] = key(
+        "auto", 'of the in-run biases; "auto": Gauss-Markov where [imu] gives no turn-on bias, else a random walk'
+    )
     frame: Literal["ned", "ecef"] = key("ned", 'kind "strapdown": axes that it is computed in; the track is the same')
 
 

@@ -90,8 +90,9 @@ def _of_kind(
         said.append(
             f"the sigmas of {kind} are about {_factor(factor)} times too small: {nis}, where 1 is expected; "
             f"{_type(kind, factor, noise, columns)}"
+            + (" (a wrong arm or delay looks the same)" if kind.startswith("gnss_") else "")
         )
-    elif factor <= TOO_LARGE and kind.startswith("gnss_"):  # others err slowly, or are bounds: theirs may well be so
+    elif factor <= TOO_LARGE and kind.startswith("gnss_velocity"):  # others err slowly, or are bounds: that is no fault
         said.append(
             f"the sigmas of {kind} are about {_factor(1.0 / factor)} times too large: {nis}, where 1 is expected; "
             f"{_type(kind, factor, noise, columns)}"

@@ -13,10 +13,12 @@ from schuler.aiding.solution import Navigation
 from schuler.ground.errors import InputError, StudyError
 from schuler.ground.tables import Table
 from schuler.judging import consistency, outages
+from schuler.judging.distrust import distrusted
 from schuler.judging.errors import circular, distance, error_series, summary
 from schuler.judging.result import Result
 from schuler.studies.auv_mapping import imu_model, output_rate, start_of
 from schuler.studies.inputs import Inputs, check_gravity, check_overlap, place_notes, read_tables, to_body, withhold
+from schuler.studies.remarks import judging_notes
 from schuler.studies.run import Progress, made_by, register
 from schuler.studies.sweep import sweep
 from schuler.studies.warm import need
@@ -53,6 +55,8 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
     over, more = _swept(study, inputs, settings, metres, progress)
     notes = [*inputs.notes, *notes, *navigation.notes, *more]
     told = _judged(study, navigation, inputs, tables, each, notes)
+    told["distrusted"] = distrusted(navigation.innovations)
+    notes += judging_notes(study, inputs, navigation, told)
     if study.sweep is not None:
         told["sweep"] = over
     return Result(

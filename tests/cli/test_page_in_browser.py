@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 
 from fake_result import fake
+from schuler.io.results import write_results
 from schuler.report.page import page
+from schuler.studies.compare import compare_results
 
 pytestmark = pytest.mark.slow
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -76,6 +78,31 @@ def test_opens_offline_without_a_complaint(browser: str, tmp_path: Path, case: d
     assert len(re.findall(r'class="js-(?:line|fill)"', document)) > 20  # lines and bands, not empty axes
     assert "NaN" not in re.sub(r"<script.*?</script>", "", document, flags=re.S)
     assert asked == []
+
+
+def test_sweeps_distrust_and_comparisons_too(browser: str, tmp_path: Path) -> None:
+    """Chapters that the results above do not have, and the page of schuler compare."""
+    result = fake()
+    i = result.navigation.innovations["gnss_position"]
+    i.used[20:31] = False
+    window = {"start_s": 10.0, "horizontal_end_m": 3.0, "smoother_horizontal_max_m": 0.5}
+    entries = [{**window, "end_s": 25.0 + 9.0 * k, "horizontal_end_m": 1.0 + k} for k in range(9)]
+    result.summary["sweep"] = [{"length_s": 15.0, "windows": 9, "entries": entries}]
+    folders = []
+    for seed in (1, 2, 3):
+        made = fake(seed=seed)
+        folders.append(write_results(tmp_path / f"r{seed}", made.navigation, made.summary, page=""))
+    pages = {"one": page(result), "compare": compare_results(folders).page()}
+    for name, text in pages.items():
+        file = tmp_path / f"{name}.html"
+        file.write_text(text, encoding="utf-8")
+        figures = len(re.findall(r'<div class="plot"', text))
+        document, console, asked = opened(browser, file, tmp_path / name)
+        assert console == "" and asked == []
+        assert f'data-drawn="{figures}"' in document
+        assert len(re.findall(r'class="js-(?:line|fill)"', document)) > 10
+    assert 'id="fig-sweep-time"' in pages["one"] and 'id="distrust"' in pages["one"]
+    assert 'id="fig-map"' in pages["compare"] and 'id="fig-differences"' in pages["compare"]
 
 
 def test_a_fault_in_a_page_would_be_seen(browser: str, tmp_path: Path) -> None:

@@ -104,9 +104,11 @@ def _dives(dives: list[dict[str, Any]]) -> list[str]:
 
 def _outage(o: dict[str, Any]) -> str:
     smooth = o.get("smoother_horizontal_max_m")
+    share = o.get("percent_of_distance")
+    part = f" ({share:.1f} % of {o['distance_m']:.0f} m)" if share is not None else ""
     line = (
         f"{o['sensor']} withheld {o['start_s']:g} to {o['end_s']:g} s: error at the end "
-        f"{metres(o['horizontal_end_m'])}, at most {metres(o['horizontal_max_m'])}, "
+        f"{metres(o['horizontal_end_m'])}{part}, at most {metres(o['horizontal_max_m'])}, "
         f"sigma {metres(o.get('sigma_end_m'))}{_nees(o['nees_half_end'])}"
     )
     return line + (f"; smoothed at most {metres(smooth)}" if smooth is not None else "")
@@ -119,6 +121,9 @@ def _swept(e: dict[str, Any]) -> str:
         f"error at the end {metres(end['p50'])} (median), "
         f"{metres(end['p95'])} for 95 %"
     )
+    share = (e.get("filter_end_percent") or {}).get("p50")
+    if share is not None:
+        line += f" ({share:.1f} % of the distance)"
     if smooth["p50"] is not None:
         line += f"; smoothed at most {metres(smooth['p50'])} (median)"
     return line + (f"; NEES/2 {e['nees_half']:.2f}" if e["nees_half"] is not None else "")

@@ -247,4 +247,4 @@ def test_tracks_of_different_places_are_said_so_and_not_drawn_over_each_other():
     page = compare_page(
         [stored("a", "a", here), stored("b", "b", there)], {"version": "0", "seed": None, "study_sha256": ""}
     )
-    assert "b lies elsewhere" in page and "share no time or no place" in page
+    assert "b lies elsewhere" in page and "No other track shares time and place with that of a" in page

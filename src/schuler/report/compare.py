@@ -65,7 +65,7 @@ def verdict(results: Sequence[Stored]) -> str:
         if found is not None and np.isfinite(found.horizontal).any():
             gaps.append((float(np.sqrt(np.nanmean(found.horizontal**2))), label))
     if len(tracks) > 1 and not gaps:
-        return "The tracks share no time or no place: only their figures can be compared."
+        return f"No other track shares time and place with that of {tracks[0][0]}; the figures stand side by side."
     said = []
     for who, word in reversed(WHO):
         known = [(v, r.label) for r in results if (v := r.number("errors", who, "horizontal_m", "rms")) is not None]
@@ -280,8 +280,8 @@ def _differences(results: Sequence[Stored], pool: Pool, axis: TimeAxis, together
             else "The recordings are of different times, so no track can be subtracted from another."
         )
     head = [
-        "second − first",
-        "",
+        "result",
+        "less",
         "track",
         "horizontal rms, m",
         "95 %",

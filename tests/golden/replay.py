@@ -19,7 +19,9 @@ ROOT = HERE.parents[1]
 DATA = ROOT.parent / "shared" / "data"
 sys.path.insert(0, str(ROOT / "benchmarks"))
 
-from recordings import EXAMPLES, run_example  # noqa: E402
+from recordings import EXAMPLES, prepare_example, run_example  # noqa: E402
+from targets_aided import RECORDINGS as AIDED  # noqa: E402
+from targets_aided import variant, without  # noqa: E402
 
 ROWS = 8
 Golden = dict[
@@ -44,6 +46,19 @@ def golden_of(navigation: Any) -> Golden:
             j = int(np.searchsorted(state.time, t, side="right")) - 1
             found[at, name] = float(state.value[j]), float(state.std[j])
     return found
+
+
+def replay(example: str, data: Path, out: Path) -> Any:
+    """The study of an example on its recording, run; those of kind "aided" without their sweep of outages."""
+    if example in EXAMPLES:
+        return run_example(example, data, out)
+    prepare_example(example, data, out)
+    return variant(out, without("sweep"))
+
+
+def folders() -> dict[str, str]:
+    """Example -> folder of its recording."""
+    return {n: f for n, (f, _) in EXAMPLES.items()} | {n: f for n, (f, _, _) in AIDED.items()}
 
 
 def read(example: str) -> Golden:
@@ -78,12 +93,12 @@ def moved(old: Golden, new: Golden) -> dict[tuple[float, str], tuple[float, floa
 
 
 def main() -> int:
-    for example, (folder, _) in EXAMPLES.items():
+    for example, folder in folders().items():
         if not (DATA / folder).is_dir():
             print(f"{example}: no recording at {DATA / folder}")
             continue
         with tempfile.TemporaryDirectory() as out:
-            new = golden_of(run_example(example, DATA / folder, Path(out) / "tables").navigation)
+            new = golden_of(replay(example, DATA / folder, Path(out) / "tables").navigation)
         old = read(example) if (HERE / f"{example}.csv").exists() else {}
         for (time, name), (change, ratio) in sorted(moved(old, new).items()):
             if abs(change) > 1e-3 or abs(ratio - 1.0) > 1e-3:

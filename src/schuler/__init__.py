@@ -38,6 +38,10 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from schuler.aiding.aided import navigate as navigate_aided
+    from schuler.aiding.aided_aids import Aid
+    from schuler.aiding.aided_online import AidedFilter
+    from schuler.aiding.aided_settings import AidedSettings
     from schuler.aiding.auv import AuvFilter, AuvSettings, Measurement
     from schuler.aiding.auv import navigate as navigate_auv
     from schuler.aiding.paper import PaperSettings, navigate_paper
@@ -57,6 +61,9 @@ if TYPE_CHECKING:
     from schuler.truth.recording import SensorSuite, simulate
 
 _HOME = {  # public name -> the module that it lives in
+    "Aid": "schuler.aiding.aided_aids",
+    "AidedFilter": "schuler.aiding.aided_online",
+    "AidedSettings": "schuler.aiding.aided_settings",
     "AuvFilter": "schuler.aiding.auv",
     "AuvMission": "schuler.truth.missions",
     "AuvSettings": "schuler.aiding.auv",
@@ -77,6 +84,7 @@ _HOME = {  # public name -> the module that it lives in
     "convert": "schuler.io.convert",
     "error_series": "schuler.judging.errors",
     "load_study": "schuler.studies.model",
+    "navigate_aided": "schuler.aiding.aided",
     "navigate_auv": "schuler.aiding.auv",
     "navigate_paper": "schuler.aiding.paper",
     "read_table": "schuler.io.tables",
@@ -84,10 +92,13 @@ _HOME = {  # public name -> the module that it lives in
     "simulate": "schuler.truth.recording",
     "write_table": "schuler.io.tables",
 }
-_THERE = {"navigate_auv": "navigate"}  # called otherwise at home
+_THERE = {"navigate_aided": "navigate", "navigate_auv": "navigate"}  # called otherwise at home
 
 __all__ = [
     "WGS84",
+    "Aid",
+    "AidedFilter",
+    "AidedSettings",
     "AuvFilter",
     "AuvMission",
     "AuvSettings",
@@ -108,6 +119,7 @@ __all__ = [
     "convert",
     "error_series",
     "load_study",
+    "navigate_aided",
     "navigate_auv",
     "navigate_paper",
     "read_table",

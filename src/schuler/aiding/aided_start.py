@@ -30,9 +30,13 @@ D = math.pi / 180.0
 
 
 def find_start(
-    rows: Array, still: NDArray[np.bool_], events: Events, tables: Tables, s: AidedSettings, layout: Layout
-) -> tuple[StartState, Engine]:
-    """The start, and an engine that has begun there (in motion: the one that won, with all it has learnt)."""
+    rows: Array, still: NDArray[np.bool_], events: Events, tables: Tables, s: AidedSettings, layout: Layout, *,
+    live: bool = False,
+) -> tuple[StartState, Engine]:  # fmt: skip
+    """The start, and an engine that has begun there (in motion: the one that won, with all it has learnt).
+
+    live: the tables end now and go on; what is not sure yet is worth waiting for.
+    """
     interval = float(np.median(np.diff(rows[:, 0])))
     gnss = tables.get("gnss")
     engine = Engine(s, layout, interval)

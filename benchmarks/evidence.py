@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from recordings import EXAMPLES, ROOT, run_example
+from recordings import BROAD, EXAMPLES, ROOT, broad_figures, run_broad, run_example
 from speed import MOST, PROMISED
 
 DATA = ROOT.parent / "shared" / "data"
@@ -155,6 +155,19 @@ def recorded(raw: dict[str, Any]) -> Iterator[Claim]:
             yield Claim(example, f.what, f.value, f.unit, f.wanted, f.holds, f.note)
 
 
+def attitudes(raw: dict[str, Any]) -> Iterator[Claim]:
+    """The BROAD trials, with and without the magnetometer."""
+    if not (DATA / BROAD).is_dir():
+        say(f"ahrs-broad: {DATA / BROAD} is not there; left out")
+        return
+    say("ahrs-broad")
+    with tempfile.TemporaryDirectory() as out:
+        found = broad_figures(run_broad(DATA / BROAD, Path(out)))
+    raw["ahrs-broad"] = {f.what: f.value for f in found}
+    for f in found:
+        yield Claim("ahrs-broad", f.what, f.value, f.unit, f.wanted, f.holds, f.note)
+
+
 # --- speed ----------------------------------------------------------------------------------------------------------
 
 
@@ -227,7 +240,7 @@ def main() -> int:
     given = parser.parse_args()
     raw: dict[str, Any] = {}
     claims = [*paper(given.runs, given.seed, raw), *ours(given.runs, given.seed, raw)]
-    claims += [*aided(min(given.runs, 200), given.seed, raw), *recorded(raw)]
+    claims += [*aided(min(given.runs, 200), given.seed, raw), *recorded(raw), *attitudes(raw)]
     if not given.no_speed:
         claims += speed(raw)
     from schuler import __version__

@@ -55,6 +55,34 @@ def run_example(example: str, data: Path, out: Path) -> StudyResult:
     return run_study(load_study(out / "study.toml"))
 
 
+BROAD = "ahrs_broad"
+
+
+def run_broad(data: Path, out: Path) -> dict[tuple[str, int], StudyResult]:
+    """examples/ahrs-broad on every trial in `data`: (trial, axes) -> its study, nine axes and six."""
+    from schuler.studies.model import load_study
+    from schuler.studies.run import run_study
+
+    prepare_example("ahrs-broad", data, out)
+    trials = sorted(p.parent for p in out.glob("*/study.toml"))
+    files = ((9, "study.toml"), (6, "study-6.toml"))
+    return {(t.name, axes): run_study(load_study(t / file)) for t in trials for axes, file in files}
+
+
+def broad_figures(results: dict[tuple[str, int], StudyResult]) -> list[Figure]:
+    """Mean over the trials of the rms over the scored rows, one set of settings: the defaults."""
+    rows = []
+    limits = {9: {"tilt": 1.2, "heading": 3.2, "total": 3.5}, 6: {"tilt": 1.2, "heading": 4.4, "total": 4.5}}
+    for axes, wanted in limits.items():
+        for name, limit in wanted.items():
+            each = [r.summary["attitude"][f"{name}_deg"]["rms"] for (_, n), r in results.items() if n == axes]
+            value = float(np.mean(each))
+            what = f"{axes} axes: {name}, rms, mean of {len(each)} trials"
+            note = "each: " + ", ".join(f"{v:.2f}" for v in each)
+            rows.append(Figure(what, value, "deg", f"at most {limit:g}", value <= limit, note))
+    return rows
+
+
 def seaglider(summary: dict[str, Any]) -> list[Figure]:
     """Dives 101-104, one step ahead (100 has no history)."""
     found = summary["surfacings"][1:]

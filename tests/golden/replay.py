@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +20,19 @@ ROOT = HERE.parents[1]
 DATA = ROOT.parent / "shared" / "data"
 sys.path.insert(0, str(ROOT / "benchmarks"))
 
-from recordings import EXAMPLES, prepare_example, run_example  # noqa: E402
+from recordings import (  # noqa: E402
+    BROAD,
+    EXAMPLES,
+    broad_figures,  # noqa: F401
+    prepare_example,
+    run_broad,
+    run_example,
+)
 from targets_aided import RECORDINGS as AIDED  # noqa: E402
 from targets_aided import variant, without  # noqa: E402
 
 ROWS = 8
+BROAD_REPLAYED = ("02_undisturbed_slow_rotation_B", "30_disturbed_stationary_magnet_C")
 Golden = dict[
     tuple[float, str], tuple[float, float]
 ]  # (time, quantity) -> value, sigma; degrees where the name says so
@@ -37,9 +46,14 @@ def golden_of(navigation: Any) -> Golden:
     for t in wanted:
         i = int(np.searchsorted(track.time, t, side="right")) - 1
         at = round(float(track.time[i]), 3)
-        north, east = (float(np.sqrt(track.cov_pos[i, k, k])) for k in (0, 1))
-        found[at, "lat_deg"] = float(np.degrees(track.lat[i])), np.degrees(north / 6.37e6)
-        found[at, "lon_deg"] = float(np.degrees(track.lon[i])), np.degrees(east / (6.37e6 * np.cos(track.lat[i])))
+        if np.isnan(track.lat[i]):  # an attitude without a place
+            for k, name in enumerate(("roll_deg", "pitch_deg")):
+                sigma = float(np.degrees(np.sqrt(track.cov_rpy[i, k, k])))
+                found[at, name] = float(np.degrees(track.rpy[i, k])), sigma
+        else:
+            north, east = (float(np.sqrt(track.cov_pos[i, k, k])) for k in (0, 1))
+            found[at, "lat_deg"] = float(np.degrees(track.lat[i])), np.degrees(north / 6.37e6)
+            found[at, "lon_deg"] = float(np.degrees(track.lon[i])), np.degrees(east / (6.37e6 * np.cos(track.lat[i])))
         heading = float(np.degrees(track.rpy[i, 2]))
         found[at, "heading_deg"] = heading, float(np.degrees(np.sqrt(track.cov_rpy[i, 2, 2])))
         for name, state in navigation.states.items():
@@ -83,7 +97,7 @@ def moved(old: Golden, new: Golden) -> dict[tuple[float, str], tuple[float, floa
             continue
         (a, s), (b, r) = old[key], new[key]
         change = b - a
-        if key[1] in ("heading_deg", "lon_deg"):
+        if key[1] in ("heading_deg", "lon_deg", "roll_deg"):
             change = (change + 180.0) % 360.0 - 180.0
         if s > 0.0:
             out[key] = change / s, r / s
@@ -92,13 +106,25 @@ def moved(old: Golden, new: Golden) -> dict[tuple[float, str], tuple[float, floa
     return out
 
 
-def main() -> int:
+def replays() -> Iterator[tuple[str, Golden]]:
+    """(name, rows) of every replay whose recording is there."""
     for example, folder in folders().items():
         if not (DATA / folder).is_dir():
             print(f"{example}: no recording at {DATA / folder}")
             continue
         with tempfile.TemporaryDirectory() as out:
-            new = golden_of(replay(example, DATA / folder, Path(out) / "tables").navigation)
+            yield example, golden_of(replay(example, DATA / folder, Path(out) / "tables").navigation)
+    if not (DATA / BROAD).is_dir():
+        print(f"ahrs-broad: no recording at {DATA / BROAD}")
+        return
+    with tempfile.TemporaryDirectory() as out:
+        results = run_broad(DATA / BROAD, Path(out))
+    for trial in BROAD_REPLAYED:
+        yield f"ahrs-broad-{trial[:2]}", golden_of(results[trial, 9].navigation)
+
+
+def main() -> int:
+    for example, new in replays():
         old = read(example) if (HERE / f"{example}.csv").exists() else {}
         for (time, name), (change, ratio) in sorted(moved(old, new).items()):
             if abs(change) > 1e-3 or abs(ratio - 1.0) > 1e-3:

@@ -177,7 +177,7 @@ SCHEMAS: dict[str, Schema] = {
         _schema("height_model", "lat[deg] lon[deg] height[m]"),
         _schema("landmarks", "id", f"height[m] {_STD_PLACE}", _PLACE),
         _schema("sightings", "time[s] id u[px] v[px]", "std_u[px] std_v[px]", many=True),
-        _schema("reference", "time[s]", f"height[m] {_VELOCITY} {_ANGLES} {_STD_PLACE}", _PLACE),
+        _schema("reference", "time[s]", f"height[m] {_VELOCITY} {_ANGLES} {_STD_PLACE}", f"{_PLACE} | {_ANGLES}"),
         _schema(
             "solution",
             "time[s]",

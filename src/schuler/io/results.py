@@ -217,6 +217,8 @@ def _kml_style(name: str, colour: str) -> str:
 
 def _kml_line(name: str, solution: Solution) -> str:
     known = np.flatnonzero(np.isfinite(solution.lat) & np.isfinite(solution.lon))
+    if len(known) == 0:
+        return ""  # an attitude has no place
     if len(known) > KML_POINTS:
         known = known[np.unique(np.linspace(0, len(known) - 1, KML_POINTS).astype(int))]
     lat = solution.lat[known] / DEG

@@ -207,6 +207,33 @@ def _smoother() -> Work:
     return lambda: navigate(tables, AuvSettings())
 
 
+ATTITUDES = 57_000  # 200 s at 285 Hz
+
+
+@cache
+def _swung() -> tuple[Any, Any, Any, Any]:
+    """time, rate, specific force and field of a body that is swung about all axes."""
+    t = np.arange(1, ATTITUDES + 1) / 285.0
+    rate = np.column_stack([np.sin(1.1 * t), 0.8 * np.sin(1.7 * t + 1.0), 0.6 * np.cos(0.9 * t)])
+    roll, pitch = 0.9 * (1.0 - np.cos(1.1 * t)), 0.5 * np.cos(1.0 + 1.7 * t)
+    up = np.column_stack([np.sin(pitch), -np.sin(roll) * np.cos(pitch), -np.cos(roll) * np.cos(pitch)])
+    return t, rate, 9.81 * up, np.column_stack([20e-6 + 0.0 * t, 1e-6 * np.sin(t), 40e-6 + 0.0 * t])
+
+
+@task("attitude filter, 6 axes", "updates/s", ATTITUDES)
+def _attitude_6() -> Work:
+    from schuler.aiding.ahrs import attitude
+
+    return lambda: attitude(*_swung()[:3])
+
+
+@task("attitude filter, 9 axes", "updates/s", ATTITUDES)
+def _attitude_9() -> Work:
+    from schuler.aiding.ahrs import attitude
+
+    return lambda: attitude(*_swung())
+
+
 @task("the paper's filter, 620 s at 100 Hz", "IMU epochs/s", EPOCHS)
 def _paper() -> Work:
     from schuler.aiding.paper import PaperSettings, navigate_paper

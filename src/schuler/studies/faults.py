@@ -286,6 +286,8 @@ def cross_faults(raw: dict[str, Any], folder: Path | None) -> list[str]:
         )
     if kind == "auv" and recorded:
         faults += _auv_inputs(raw, recorded)
+    if kind == "ahrs" and "imu" not in recorded:
+        faults.append('[input] imu: missing; kind "ahrs" reads gyros and accelerometers; type imu = "imu.csv"')
     if isinstance(kind, str) and kind != "auv":
         method = _section(raw, "filter").get("method")
         if method in ("paper", "paper-literal"):

@@ -73,6 +73,12 @@ def read_tables(study: Study, progress: Progress = silent) -> Inputs:
 
             table = corrected(study, table)
         notes += table.notes
+        if name == "reference" and study.study.kind != "ahrs" and not {"lat", "north"} & table.columns.keys():
+            faults.append(
+                f"[input] reference: {path.name} holds an attitude and no position (lat[deg], lon[deg] or north[m], "
+                f'east[m]); only kind "ahrs" is judged by attitude alone'
+            )
+            continue
         try:
             table = on_earth(study, table)
         except InputError as error:
@@ -258,8 +264,11 @@ def to_body(study: Study, tables: dict[str, Table]) -> None:
     tables["imu"] = Table(imu.name, columns, imu.kind, imu.source, imu.notes)
 
 
-def check_gravity(study: Study, tables: dict[str, Table]) -> None:
-    """Specific force must be about g, and up: f_z = -g for an upright vehicle in forward-right-down axes."""
+def check_gravity(study: Study, tables: dict[str, Table], *, upright: bool = True) -> None:
+    """Specific force must be about g, and up: f_z = -g for an upright vehicle in forward-right-down axes.
+
+    upright : False for what is moved by hand through any attitude; then only the size is looked at.
+    """
     imu = tables.get("imu")
     if imu is None:
         return
@@ -280,7 +289,7 @@ def check_gravity(study: Study, tables: dict[str, Table]) -> None:
             f"{file}: specific force has a median size of {size:.4g} m/s^2 where g = 9.81 is expected; {hint}"
         )
     mean = np.median(f, axis=0)
-    if mean[2] > -0.5 * G:
+    if upright and mean[2] > -0.5 * G:
         axis = int(np.argmax(np.abs(mean)))
         sign = "+" if mean[axis] > 0 else "-"
         turn = {

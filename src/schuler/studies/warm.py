@@ -169,12 +169,28 @@ def warm_planar() -> None:
     navigate(tables, PlanarSettings(), plane)
 
 
+def warm_ahrs() -> None:
+    """Kind "ahrs": filter with and without magnetometer, smoother, the online filter."""
+    import numpy as np
+
+    from schuler.aiding.ahrs import AhrsFilter, AhrsSettings, navigate
+    from schuler.ground.tables import Table
+
+    t = np.asarray(0.01 * np.arange(1, 200), dtype=np.float64)
+    columns = {"time": t, **{f"{s}_{a}": np.zeros_like(t) for s in ("gyro", "accel", "mag") for a in "xyz"}}
+    columns["accel_z"] = columns["accel_z"] - 9.81
+    columns["mag_x"], columns["mag_z"] = columns["mag_x"] + 2e-5, columns["mag_z"] + 4e-5
+    navigate({"imu": Table("imu", columns, "rates")}, AhrsSettings())
+    AhrsFilter(interval=0.01).update(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, -9.81), (2e-5, 0.0, 4e-5))
+
+
 # what `schuler warmup` runs, in order; a part that brings kernels of its own adds a line
 STEPS: list[tuple[str, Callable[[], None]]] = [
     ("auv: simulation, filter, smoother", warm_auv),
     ("auv: a vehicle's own compass", warm_compass),
     ("auv: the paper's filter", warm_paper),
     ("planar: filter and smoother", warm_planar),
+    ("ahrs: filter, smoother", warm_ahrs),
     ("platform: alignment, algorithms, maps", warm_platform),
     ("strapdown: truth, mechanization, error model, alignment", warm_strapdown),
     ("calibration: turntable, rests and turns, Allan deviation", warm_calibration),

@@ -30,6 +30,7 @@ FORMATS = (
     Format("quaddot", "quadrotor flights with DOT sensors: a folder with NAME_truth and NAME_imuK csv files"),
     Format("umnuav", "UMN / AuraUAS flight data: a csv with p q r, ax ay az, GPS_TOW and the rest in one row"),
     Format("rtklib", "RTKLIB solutions (.pos), and IMU logs with its time tag (.tag) beside them"),
+    Format("broad", "BROAD trials (.npz): hand-moved 9-axis IMU with optical attitude"),
     Format("ulog", "PX4 ULog (.ulg)"),
     Format("nmea", "NMEA 0183 logs (.nmea, .log, .txt)"),
     Format("matlab", "MATLAB files (.mat, version 5 to 7.2), NaveGo structures among them"),

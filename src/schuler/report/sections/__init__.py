@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 
 from schuler.report.parts import Opening, Section
 from schuler.report.sections import (
+    ahrs,
     consistency,
     errors,
     opening,
@@ -90,16 +91,32 @@ _PLANAR: tuple[Chapter, ...] = (
     record.cite,
 )
 
+_AHRS: tuple[Chapter, ...] = (
+    ahrs.errors,
+    ahrs.attitude,
+    states.gyro_biases,
+    ahrs.magnetometer,
+    states.learnt,
+    consistency.innovations,
+    ahrs.honesty,
+    record.figures_table,
+    record.assumed,
+    record.made,
+    record.cite,
+)
+
 CHAPTERS: dict[str, tuple[Chapter, ...]] = {
     "auv": _AIDED,
     "aided": _AIDED,
     "planar": _PLANAR,
+    "ahrs": _AHRS,
     "platform": _PLATFORM,
     "strapdown": _STRAPDOWN,
 }
 OPENINGS: dict[str, Callable[[View], Opening]] = {
     "auv": opening.aided,
     "aided": opening.aided,
+    "ahrs": ahrs.opening,
     "platform": platform.opening,
     "strapdown": strapdown.opening,
 }

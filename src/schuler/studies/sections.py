@@ -441,7 +441,11 @@ class SimulateSection(Section):
     beacon_radius_m: float | None = key(None, "of the circle; absent: 0.8 of the track's extent", "m", gt=0)
     sightings_per_s: float = key(0.0, "landmarks seen by the camera, of all pictures together", "1/s", ge=0)
     sightings_hz: float = key(0.0, "pictures", "Hz", ge=0, le=1000)
-    lidar_hz: float = key(0.0, "ranges of a lidar", "Hz", ge=0, le=1e6)
+    picture_px: Two = key((2500.0, 1900.0), "half width and height over which the landmarks of a picture spread", "px")
+    wrong_names_percent: float = key(0.0, "sightings that carry another landmark's name", "%", ge=0, le=100)
+    lidar_hz: float = key(0.0, "ranges of a lidar over hills: straight down, right, left in turn", "Hz", ge=0, le=1e4)
+    ground_height_m: float = key(0.0, "height of the ground", "m")
+    ground_relief_m: float = key(0.0, "its hills, 1 sigma", "m", ge=0, le=3000)
     speed_is: Literal["ground", "water", "air"] | None = key(
         None, "what the speed log feels; absent: as the filter takes it"
     )

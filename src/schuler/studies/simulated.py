@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from schuler.ground.errors import InputError, StudyError
 from schuler.ground.tables import Table
 from schuler.ground.units import DEG
@@ -18,8 +20,6 @@ if TYPE_CHECKING:
     from schuler.truth.trajectories import Trajectory
 
 DOWN = 1.5  # the slow error of a fix is so much larger down than north and east
-# sensors of [simulate] that need the camera or the lidar
-_OPTICS = ("sightings_per_s", "sightings_hz", "lidar_hz")
 SENSORS = ("gnss", "speed", "dvl", "depth", "height", "ranges")
 COMPASS_TAU_S = 0.02  # s: five rows a second, which is what the filter takes, are independent
 
@@ -97,10 +97,16 @@ def _faults(study: Study) -> list[str]:
                 f"[simulate] {name}_hz = {rate:g}: no row falls into duration_s = {t.duration_s:g}; raise it, or type "
                 f"{name}_hz = 0"
             )
-    faults += [
-        f"[simulate] {name}: a camera and a lidar are not simulated yet; type {name} = 0" for name in _OPTICS
-        if getattr(s, name) > 0.0
-    ]  # fmt: skip
+    pictures = s.sightings_hz or (1.0 if s.sightings_per_s > 0.0 else 0.0)
+    if pictures > 0.0 and study.camera is None:
+        faults.append(
+            "[simulate] sightings_per_s: a camera sees them, and [camera] is absent; type [camera] with focal_px = 8889"
+        )
+    if pictures > 0.0 and 0.0 < s.sightings_per_s < 0.5 * pictures:
+        faults.append(
+            f"[simulate] sightings_per_s = {s.sightings_per_s:g} is less than one a picture at sightings_hz = "
+            f"{pictures:g}; lower sightings_hz"
+        )
     return faults
 
 
@@ -187,7 +193,31 @@ def suite_of(study: Study) -> AidedSuite:
         imu_kind=s.imu_rows,
         start_std=tuple(0.0 if x is None else float(x) for x in start),
         reference_arm=m.reference_frd_m,
+        **_optics(study),
     )
+
+
+def _optics(study: Study) -> dict[str, Any]:
+    """Camera and lidar of [simulate], [camera] and [lidar]."""
+    from schuler.ground.lidar import Lidar
+    from schuler.studies.aided_mapping import camera_of
+    from schuler.studies.sections import LidarSection, SimulateSection
+
+    s = study.simulate or SimulateSection()
+    pictures = s.sightings_hz or (1.0 if s.sightings_per_s > 0.0 else 0.0)
+    beam = study.lidar or LidarSection()
+    return {
+        "camera": camera_of(study),
+        "sightings_hz": pictures,
+        "sightings_each": max(1, round(s.sightings_per_s / pictures)) if s.sightings_per_s > 0.0 and pictures else 6,
+        "sightings_wrong": 0.01 * s.wrong_names_percent,
+        "picture": s.picture_px,
+        "lidar_hz": s.lidar_hz,
+        "lidar": Lidar(study.noise.lidar_m, beam.reach_m, 1e-3 * beam.divergence_mrad, np.array(beam.position_frd_m)),
+        "ground_height": s.ground_height_m,
+        "ground_relief": s.ground_relief_m,
+        "ground_std": beam.ground_m if s.lidar_hz > 0.0 else 0.0,
+    }
 
 
 def _estimated(settings: AidedSettings, s: SimulateSection) -> set[str]:

@@ -99,11 +99,11 @@ def test_all_faults_come_together() -> None:
         simulation(
             raw(
                 trajectory={"earth": "sphere", "speed_mps": 0.0},
-                simulate={"lidar_hz": 1.0, "depth_hz": 0.001},
+                simulate={"sightings_per_s": 1.0, "depth_hz": 0.001},
             )
         )
     said = "\n".join(caught.value.faults)
-    for part in ("earth", "goes nowhere", "lidar_hz", "depth_hz = 0.001"):
+    for part in ("earth", "goes nowhere", "[camera] is absent", "depth_hz = 0.001"):
         assert part in said
     assert len(caught.value.faults) == 4
 

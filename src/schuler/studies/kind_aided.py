@@ -26,6 +26,7 @@ from schuler.studies.inputs import (
 )
 from schuler.studies.kind_auv import judged
 from schuler.studies.magnetic import recorded_declination
+from schuler.studies.optics_notes import optics_notes
 from schuler.studies.run import DEFAULT_SEED, Progress, made_by, register
 from schuler.studies.warm import need
 
@@ -62,6 +63,7 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
     navigation = navigate(tables, settings)
     progress("judging")
     over, more = swept(study, inputs, settings, progress)
+    more += optics_notes(study, tables, navigation, lambda others: navigate(others, settings))
     notes = [*inputs.notes, *unread(study), *navigation.notes, *more]
     made = made_by(study, seed)
     told = judged(study, made, navigation, inputs, tables, each, notes)

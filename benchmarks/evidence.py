@@ -168,6 +168,19 @@ def attitudes(raw: dict[str, Any]) -> Iterator[Claim]:
         yield Claim("ahrs-broad", f.what, f.value, f.unit, f.wanted, f.holds, f.note)
 
 
+def marks(raw: dict[str, Any]) -> Iterator[Claim]:
+    """Kind "aided" on the recordings: every row of `targets_aided`, held against its pass mark."""
+    from targets_aided import rows
+
+    found = list(rows())
+    raw["aided recordings"] = [{**asdict(r), "verdict": r.verdict} for r in found]
+    for r in found:
+        wanted = f"at most {r.must:g}" if r.low is None else f"{r.low:g} .. {r.must:g}"
+        if r.good is not None:
+            wanted += f", better {r.good:g}"
+        yield Claim(f"aided: {r.recording}", r.what, r.ours, r.unit, wanted, r.verdict != "MISSED", r.note)
+
+
 # --- speed ----------------------------------------------------------------------------------------------------------
 
 
@@ -240,7 +253,7 @@ def main() -> int:
     given = parser.parse_args()
     raw: dict[str, Any] = {}
     claims = [*paper(given.runs, given.seed, raw), *ours(given.runs, given.seed, raw)]
-    claims += [*aided(min(given.runs, 200), given.seed, raw), *recorded(raw), *attitudes(raw)]
+    claims += [*aided(min(given.runs, 200), given.seed, raw), *recorded(raw), *attitudes(raw), *marks(raw)]
     if not given.no_speed:
         claims += speed(raw)
     from schuler import __version__

@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from recordings import prepare_example
-from targets_aided import DATA, arm_of, say, variant, without
+from targets_aided import DATA, arm_of, between, say, variant, without
 
 from schuler.aiding.solution import Solution
 from schuler.ground.earth import LocalFrame
@@ -339,13 +339,7 @@ def main() -> int:
     if given.out is not None:
         machine = f"{platform.machine()}, Python {platform.python_version()}, numpy {np.__version__}"
         (given.out / "peers.json").write_text(json.dumps({"machine": machine, "recordings": found}, indent=1) + "\n")
-        page = given.out / "peers.md"
-        before, mark, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-        _, end, after = rest.partition(END)
-        if not mark or not end:
-            print(f"{page}: no place for the table between {BEGIN} and {END}", file=sys.stderr)
-            return 1
-        page.write_text(f"{before}{BEGIN}\n{text}{END}{after}", encoding="utf-8")
+        between(given.out / "peers.md", BEGIN, END, text)
     return 0
 
 

@@ -1,6 +1,6 @@
 """Kind "aided" on the five real recordings, held against what is wanted of it.
 
-    python benchmarks/targets_aided.py [--only car-rtk-mems] [--json FILE]
+    python benchmarks/targets_aided.py [--only car-rtk-mems] [--json FILE] [--page docs/recordings.md]
 
 Outages slide over a recording in two phases; an error is that of the last withheld fix, horizontal, median over the
 windows, and the smoother's the largest inside a window. Where fixes are thinned, the fixes left out judge. Positions
@@ -411,6 +411,19 @@ def text(row: Row) -> str:
     )
 
 
+HEAD = "| recording | figure | ours | must | good | verdict | |\n|---|---|---|---|---|---|---|"
+BEGIN, END = "<!-- aided: python benchmarks/targets_aided.py --page docs/recordings.md -->", "<!-- end of aided -->"
+
+
+def between(page: Path, begin: str, end: str, text: str) -> None:
+    """Puts a text into a page, between two marks of it. ValueError where they are not there."""
+    before, mark, rest = page.read_text(encoding="utf-8").partition(begin)
+    _, other, after = rest.partition(end)
+    if not mark or not other:
+        raise ValueError(f"{page}: no place for the table between {begin} and {end}")
+    page.write_text(f"{before}{begin}\n{text}{end}{after}", encoding="utf-8")
+
+
 def say(what: str) -> None:
     print(what, file=sys.stderr, flush=True)
 
@@ -419,14 +432,17 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=RECORDINGS, help="one recording")
     parser.add_argument("--json", type=Path, help="also write the rows to this file")
+    parser.add_argument("--page", type=Path, help="put the table into this page, between its marks")
     given = parser.parse_args()
-    print("| recording | figure | ours | must | good | verdict | |\n|---|---|---|---|---|---|---|")
+    print(HEAD)
     told = []
     for row in rows(given.only):
         print(text(row), flush=True)
         told.append(row)
     if given.json is not None:
         given.json.write_text(json.dumps([{**asdict(r), "verdict": r.verdict} for r in told], indent=1) + "\n")
+    if given.page is not None:
+        between(given.page, BEGIN, END, "\n".join([HEAD, *(text(r) for r in told)]) + "\n")
     missed = [r for r in told if r.verdict == "MISSED"]
     praised = [r for r in told if r.verdict == "good"]
     marked = [r for r in told if r.good is not None]

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from schuler.studies.model import Study
     from schuler.truth.instruments import ImuModel
 
+# No instrument is without noise, and a filter that believes so ends with sigmas of rounding.
+LEAST_ARW, LEAST_VRW = 1e-7, 1e-5  # rad/sqrt(s), m/s/sqrt(s)
 WIND_MPS, WIND_WALK = 8.0, 0.1  # m/s, m/s/sqrt(s): what air does where the study does not say
 
 
@@ -115,8 +117,8 @@ def imu_figures(imu: ImuModel) -> dict[str, Any]:
         return a, b, c
 
     figures: dict[str, Any] = {
-        "gyro_arw": triple(imu.arw),
-        "accel_vrw": triple(imu.vrw),
+        "gyro_arw": triple(np.maximum(imu.arw, LEAST_ARW)),
+        "accel_vrw": triple(np.maximum(imu.vrw, LEAST_VRW)),
         "gyro_bias_std": triple(np.hypot(imu.gyro_bias, np.abs(imu.gyro_offset))),
         "accel_bias_std": triple(np.hypot(imu.accel_bias, np.abs(imu.accel_offset))),
         "gyro_instability": float(np.max(imu.gyro_instability)),

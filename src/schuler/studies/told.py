@@ -18,6 +18,12 @@ _SHOWN = {  # state: what it is called, unit shown, factor from SI
     "speed_scale": ("speed log scale", "%", 100.0),
     "path_scale": ("scale of speed from depth", "%", 100.0),
     "heading_offset": ("heading offset", "deg", 180.0 / np.pi),
+    "mounting_pitch": ("mounting pitch", "deg", 180.0 / np.pi),
+    "mounting_yaw": ("mounting yaw", "deg", 180.0 / np.pi),
+    "gnss_delay": ("delay of fixes", "s", 1.0),
+    "gnss_velocity_delay": ("delay of GNSS velocity", "s", 1.0),
+    "dvl_scale": ("DVL scale", "%", 100.0),
+    "height_bias": ("barometer offset", "m", 1.0),
     "range_scale": ("range scale", "%", 100.0),
 }
 

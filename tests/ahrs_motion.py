@@ -108,9 +108,12 @@ def record(duration=120.0, rate=100.0, *, model=MODEL, seed=1, run=0, mag_std=0.
     return Recording(Table("imu", columns, "rates"), time, q)
 
 
-def error_of(recording, a):
-    """phi (n, 3) of an `Attitude` at its rows."""
-    from schuler.ground.frames import quat_conjugate, quat_multiply, rotvec_from_quat
+def error_of(recording, a, relative=False):
+    """phi (n, 3) of an `Attitude` at its rows. relative : without the heading error of the first row."""
+    from schuler.ground.frames import euler_from_quat
+    from schuler.judging.attitude import attitude_errors
 
     i = np.searchsorted(recording.time, a.time - 1e-9)
-    return -rotvec_from_quat(quat_multiply(a.q, quat_conjugate(recording.q_nb[i])))
+    roll, pitch, heading = euler_from_quat(recording.q_nb[i])
+    columns = {"time": a.time, "roll": roll, "pitch": pitch, "heading": heading}
+    return attitude_errors(a.time, a.q, a.cov_phi, Table("reference", columns), relative=relative).phi

@@ -25,9 +25,7 @@ def ensemble(six):
         _, run = navigate({"imu": rec.imu}, SETTINGS)
         for name in nees:
             a = getattr(run, name)
-            e = error_of(rec, a)
-            if six:
-                e[:, 2] -= e[0, 2]  # the heading is counted from the start
+            e = error_of(rec, a, relative=six)
             rows = [int(s * len(e)) for s in AT]
             nees[name].append([e[i] @ np.linalg.solve(a.cov_phi[i], e[i]) / 3.0 for i in rows])
             squares[name].append(np.mean(e[len(e) // 4 :] ** 2, axis=0))

@@ -42,8 +42,8 @@ LW, LF, REST = 42, 45, 48  # low-passed rate (3) and specific force (3) in b; ho
 STATUS = 49  # 0: nothing yet, 1: level, 2: heading found too, 3: the tilt known well enough to keep it
 BENT = 50  # variance of the heading that the field's disturbance gives, low-passed
 SFB = 51  # since the start: integral of f dt (3) and time, until level
-LAPSE, WVAR = 55, 56  # rows were missing since the node; mean square rate of the last seconds
-NX = 57
+LAPSE, WVAR, AVAR = 55, 56, 57  # rows missing since the node; mean square rate, and acceleration, of the last seconds
+NX = 58
 
 # --- configuration (c) -------------------------------------------------------------------------------------------
 NODE_S, ARW, Q_BG, VRW, Q_BA, SCALE = range(6)
@@ -315,10 +315,15 @@ def node(x, P, c, told, Phi, xm, Pm, work):
         told[i] = 0.0
     told[K_T] = x[T]
     told[K_S] = np.nan
-    swing2 = c[SIG_U] * c[SIG_U] + x[UVAR]
-    R = swing2 * max(1.0, 2.0 * c[TAU_UC] / dt)  # a value of u lasts for several nodes: they share what it tells
+    # The sigma of u: as shown lately, more where u is beyond three of them now. How long a value lasts: as long as it
+    # takes the acceleration to change it, at least TAU_UC; the nodes within that time share what it tells.
     shown = 0.5 * (x[U] * x[U] + x[U + 1] * x[U + 1] - P[E_U, E_U] - P[E_U + 1, E_U + 1])
+    push = 0.5 * (x[SF] * x[SF] + x[SF + 1] * x[SF + 1]) / (dt * dt)
     x[TVAR] = min(x[TVAR] + dt, c[TAU_VAR])
+    x[AVAR] += (push - x[AVAR]) * dt / x[TVAR]
+    swing2 = c[SIG_U] * c[SIG_U] + max(x[UVAR], shown / 9.0)
+    lasts = min(max(c[TAU_UC], math.sqrt(swing2 / max(x[AVAR], 1e-6))), c[TAU_U])
+    R = swing2 * max(1.0, 2.0 * lasts / dt)
     x[UVAR] += (max(shown, 0.0) - x[UVAR]) * dt / x[TVAR]
     for i in range(2):
         told[K_U + i] = -x[U + i]

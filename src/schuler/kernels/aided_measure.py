@@ -53,6 +53,7 @@ from .aided_state import (
     TS,
     TV,
     VEL,
+    WIN,
     T,
     W,
     mounting,
@@ -60,7 +61,7 @@ from .aided_state import (
     put3,
 )
 from .earth import E2, OMEGA, A
-from .rotation import dcm_from_quat, euler_from_quat, wrap_pi
+from .rotation import dcm_from_quat, euler_from_quat, quat_from_rotvec, quat_product, wrap_pi
 
 POSITION, HEIGHT_FIX, VELOCITY, COURSE, SPEED, BOTTOM_TRACK, DEPTH, HEIGHT, ATTITUDE, MAGNETOMETER = range(10)
 RANGE, SIGHTING, LIDAR, TERRAIN, NONHOLONOMIC, STANDING_V, STANDING_W, LEVEL_VELOCITY, DOWN_VELOCITY = range(10, 19)
@@ -73,7 +74,7 @@ LOOK = 14  # displacement since (3), change of velocity since (3), C_nb then (9 
 def look_back(x, ring, tau, out):
     """out (LOOK): what happened in the last tau seconds: displacement, change of velocity, attitude and rate then.
 
-    A tau below zero (a row that belongs to the future of its stamp) is met with the mean acceleration.
+    A tau below zero (the row belongs to the future of its stamp) is met with the mean acceleration and the last rate.
     """
     for i in range(3):
         out[i] = x[VEL + i] * tau - 0.5 * x[ACC + i] * tau * tau
@@ -83,6 +84,15 @@ def look_back(x, ring, tau, out):
         out[6 + i] = x[QUAT + i]
     out[13] = 0.0
     last = int(x[HEAD]) - 1
+    if tau < 0.0:
+        c00, c01, c02, c10, c11, c12, c20, c21, c22 = dcm_from_quat(out[6], out[7], out[8], out[9])
+        n, e, d = x[WIN], x[WIN + 1], x[WIN + 2]
+        h0, h1, h2, h3 = quat_from_rotvec(
+            -tau * (x[W] - c00 * n - c10 * e - c20 * d),
+            -tau * (x[W + 1] - c01 * n - c11 * e - c21 * d),
+            -tau * (x[W + 2] - c02 * n - c12 * e - c22 * d),
+        )
+        out[6], out[7], out[8], out[9] = quat_product(out[6], out[7], out[8], out[9], h0, h1, h2, h3)
     if tau <= 0.0 or last < 1:
         return
     when = x[T] - tau

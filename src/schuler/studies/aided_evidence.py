@@ -54,7 +54,7 @@ class Experiment:
     title: str
     sections: Sections
     outage: tuple[float, float]
-    estimate: tuple[str, ...] = BIASES
+    estimate: tuple[str, ...] | None = BIASES
     constraints: tuple[str, ...] = ()
 
     def raw(self) -> dict[str, Any]:
@@ -63,10 +63,12 @@ class Experiment:
             "study": {"name": self.title, "kind": "aided"},
             "start": START,
             "imu": TACTICAL,
-            "filter": {"estimate": list(self.estimate), "constraints": list(self.constraints)},
+            "filter": {"constraints": list(self.constraints)},
             "output": {"rate_hz": 1.0},
             "outage": [{"sensor": "gnss", "start_s": self.outage[0], "end_s": self.outage[1]}],
         }
+        if self.estimate is not None:
+            raw["filter"]["estimate"] = list(self.estimate)
         for name, keys in self.sections.items():
             raw[name] = keys if name == "imu" else {**raw.get(name, {}), **keys}
         return raw

@@ -51,7 +51,7 @@ class AidedSuite:
     gnss_delay : s, of position and velocity, known. gnss_velocity_delay_std: None: the velocity is as late as the
     position.
     *_std of a noise: 1 sigma of one row. *_std of a scale, delay (s), arm (m) or angle (rad): 1 sigma of the value
-    that is drawn once a run and that a filter may estimate. Arms run from the IMU, body FRD, m.
+    that is drawn once a run and that a filter may estimate; a delay is never negative. Arms run from the IMU, body FRD, m.
     gnss_correlated : north east down, m, stationary sigma of a first-order Gauss-Markov process. current: N(0,
     current_std) per axis and a walk (m/s/sqrt(s)); for speed_is = "air" it is the wind. height_walk: of the barometer's
     offset, m/sqrt(s).
@@ -211,6 +211,14 @@ class _Vehicle:
             self.states |= {name: (ends, np.full(2, x)) for name, x in zip(names, value, strict=True)}
         return value
 
+    def late(self, quantity: str, std: float, name: str, known: float = 0.0) -> float:
+        """A delay beside a known one: the size of a normal number, for nothing is stamped before it happened."""
+        value = float(abs(std * self.normal(quantity, 1)[0])) + known
+        if std > 0.0:
+            ends = np.array([0.0, self.path.duration]) + self.path.start_time
+            self.states[name] = (ends, np.full(2, value))
+        return value
+
     def moments(self, rate_hz: float, delay: float = 0.0, *others: float, first: int = 1) -> _Moments:
         """Stamps k / rate_hz whose moments, `delay` before them (and those of `others`), lie on the trajectory."""
         k = np.arange(first, int(np.floor(self.path.duration * rate_hz * (1.0 + 1e-12))) + 1)
@@ -295,16 +303,13 @@ def _gnss(v: _Vehicle) -> None:
     s = v.suite
     if s.gnss_hz <= 0.0:
         return
-    delay = float(v.drawn("gnss.delay", s.gnss_delay_std, ("gnss_delay",), np.array([s.gnss_delay]))[0])
+    delay = v.late("gnss.delay", s.gnss_delay_std, "gnss_delay", s.gnss_delay)
     arm = v.drawn("gnss.lever", s.antenna_std, tuple(f"antenna_lever_{a}" for a in "xyz"), np.array(s.antenna))
     later = delay
     if s.gnss_velocity_delay_std is None and s.gnss_delay_std > 0.0:
         v.states["gnss_velocity_delay"] = v.states["gnss_delay"]
     if s.gnss_velocity_delay_std is not None:
-        drawn = v.drawn(
-            "gnss.velocity_delay", s.gnss_velocity_delay_std, ("gnss_velocity_delay",), np.array([s.gnss_delay])
-        )
-        later = float(drawn[0])
+        later = v.late("gnss.velocity_delay", s.gnss_velocity_delay_std, "gnss_velocity_delay", s.gnss_delay)
     m, moving = v.moments(s.gnss_hz, delay, later), v.moments(s.gnss_hz, later, delay)
     n = len(m.kept)
     slow = Walk(v.random("gnss.correlated"), np.array(s.gnss_correlated), s.gnss_correlated_tau, 1.0 / s.gnss_hz)
@@ -330,7 +335,7 @@ def _speed(v: _Vehicle) -> None:
     if s.speed_hz <= 0.0:
         return
     scale = float(v.drawn("speed.scale", s.speed_scale_std, ("speed_scale",))[0])
-    delay = float(v.drawn("speed.delay", s.speed_delay_std, ("speed_delay",))[0])
+    delay = v.late("speed.delay", s.speed_delay_std, "speed_delay")
     arm = v.drawn("speed.lever", s.speed_arm_std, tuple(f"speed_lever_{a}" for a in "xyz"), np.array(s.speed_arm))
     m = v.moments(s.speed_hz, delay)
     n = len(m.kept)
@@ -355,7 +360,7 @@ def _dvl(v: _Vehicle) -> None:
     if s.dvl_hz <= 0.0:
         return
     scale = float(v.drawn("dvl.scale", s.dvl_scale_std, ("dvl_scale",))[0])
-    delay = float(v.drawn("dvl.delay", s.dvl_delay_std, ("dvl_delay",))[0])
+    delay = v.late("dvl.delay", s.dvl_delay_std, "dvl_delay")
     arm = v.drawn("dvl.lever", s.dvl_arm_std, tuple(f"dvl_lever_{a}" for a in "xyz"), np.array(s.dvl_arm))
     turn = v.drawn("dvl.misalignment", s.dvl_misalignment_std, tuple(f"dvl_misalignment_{a}" for a in "xyz"))
     m = v.moments(s.dvl_hz, delay)
@@ -475,16 +480,16 @@ def _compass(v: _Vehicle, m: Magnetometer, truth: Truth, C: Array, dt: float) ->
     start, field_n = along(v.path, truth, v.suite.year)
     v.field_n = start
     v.declination = float(np.arctan2(start[1], start[0]))
-    field_b = np.einsum("nji,nj->ni", dcm_from_quat(truth.q_nb), field_n)
-    # Seen by a sensor turned clockwise by the offset, the field lies further to the left: heading + offset is read.
-    bias = float(v.drawn("mag.bias", m.bias_deg * DEG, ("heading_offset",))[0])
-    cos, sin = np.cos(bias), np.sin(bias)
-    turned = field_b @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    # A field turned counter-clockwise about the vertical, as rock or a wrong declination turns it: heading + offset is
+    # read at any bank.
+    offset = float(v.drawn("mag.bias", m.bias_deg * DEG, ("heading_offset",))[0])
+    turned_n = field_n @ np.asarray(dcm_from_euler(0.0, 0.0, offset))
+    seen_v = np.einsum("nji,nj->ni", dcm_from_quat(truth.q_nb), turned_n)
     iron = v.drawn("mag.hard_iron", m.hard_iron_ut * 1e-6, tuple(f"mag_bias_{a}" for a in "xyz"))
     iron = iron @ dcm_from_euler(*v.suite.imu_to_body)
     horizontal = float(np.hypot(start[0], start[1]))
     noise = Walk(v.random("mag.noise"), np.full(3, m.noise_deg * DEG * horizontal), m.tau_s, dt).advance(len(truth))
-    seen = turned @ C + iron + noise
+    seen = seen_v @ C + iron + noise
     return {f"mag_{a}": np.ascontiguousarray(seen[:, i]) for i, a in enumerate("xyz")}
 
 

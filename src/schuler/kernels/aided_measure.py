@@ -110,6 +110,13 @@ def look_back(x, ring, tau, out):
         for i in range(3):
             out[i] = (1.0 - w) * (x[DISP + i] - ring[b, 1 + i])
             out[3 + i] = (1.0 - w) * (x[DVI + i] - ring[b, 4 + i])
+        s = 0.0
+        for i in range(4):
+            out[6 + i] = (1.0 - w) * ring[b, 7 + i] + w * x[QUAT + i]
+            s += out[6 + i] * out[6 + i]
+        s = 1.0 / math.sqrt(s)
+        for i in range(4):
+            out[6 + i] *= s
         return
     a = (hi - 1) % RING if hi > first else b
     span = ring[b, 0] - ring[a, 0]

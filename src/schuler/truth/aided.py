@@ -51,7 +51,8 @@ class AidedSuite:
     gnss_delay : s, of position and velocity, known. gnss_velocity_delay_std: None: the velocity is as late as the
     position.
     *_std of a noise: 1 sigma of one row. *_std of a scale, delay (s), arm (m) or angle (rad): 1 sigma of the value
-    that is drawn once a run and that a filter may estimate; a delay is never negative. Arms run from the IMU, body FRD, m.
+    that is drawn once a run and that a filter may estimate; a delay is never negative. Arms run from the IMU, body
+    FRD, m.
     gnss_correlated : north east down, m, stationary sigma of a first-order Gauss-Markov process. current: N(0,
     current_std) per axis and a walk (m/s/sqrt(s)); for speed_is = "air" it is the wind. height_walk: of the barometer's
     offset, m/sqrt(s).

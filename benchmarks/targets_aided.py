@@ -264,14 +264,13 @@ QUAD_SETTLE_S, QUAD_BETWEEN_S = 8.0, 10.0
 
 
 def dense_rows(folder: Path) -> Table:
-    """Every position of a quadrotor's truth, as rows that are as late as its fixes are."""
-    raw = tomllib.loads((folder / "study.toml").read_text(encoding="utf-8"))
+    """Every position of a quadrotor's truth, as rows of a receiver."""
     from schuler.studies.inputs import on_earth
     from schuler.studies.model import load_study
 
     truth = on_earth(load_study(folder / "study.toml"), read(folder, "reference"))
     names = ("lat", "lon", "height")
-    return Table("gnss", {"time": truth.time + raw["input"]["gnss_delay_s"], **{n: truth[n] for n in names}})
+    return Table("gnss", {"time": truth.time, **{n: truth[n] for n in names}})
 
 
 def quad(folder: Path) -> Iterator[Row]:

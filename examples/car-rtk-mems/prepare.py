@@ -7,7 +7,6 @@ The IMU's own log with its time tag is taken where the folder has it (its times 
 table: a straight line through all arrivals), else the imu table; the gnss table, else the .pos file.
 """
 
-import re
 import sys
 from pathlib import Path
 
@@ -20,6 +19,8 @@ from schuler.io.formats.common import sheet_in
 from schuler.io.tables import read_table
 from schuler.io.writing import write_table
 
+LOG_S = 0.25  # the rows of this logger arrive so much later than they were measured; the filter finds the rest
+TABLE_S = 0.18  # the same for a ready imu table, whose clock drifts a little
 DOPPLER_SIGMA = 1.5  # RTKLIB reports velocities this much too sure
 
 
@@ -33,8 +34,8 @@ def table_file(data: Path, stem: str) -> Path | None:
     return next((p for p in (data / f"{stem}.csv", data / f"{stem}.csv.gz") if p.is_file()), None)
 
 
-def read(data: Path) -> tuple[Table, Table, bool, list[str]]:
-    """imu and gnss on one clock, whether they are from the log, and sentences on what was taken."""
+def read(data: Path) -> tuple[Table, Table, list[str]]:
+    """imu and gnss on one clock, and sentences on what was taken."""
     if not data.is_dir():
         raise InputError(f"{data} is no folder")
     solutions = sorted(data.glob("*.pos")) + sorted(data.glob("*.pos.gz"))
@@ -46,12 +47,21 @@ def read(data: Path) -> tuple[Table, Table, bool, list[str]]:
         sheet = None if gnss_file is None else sheet_in(data, "gnss")
         if sheet is not None and len(sheet) == len(gnss) and "t_s" in sheet.headings:
             start = float(gnss.time[0] - sheet.columns[sheet.headings.index("t_s")][0])
-        return moved(imu, start), moved(gnss, start), True, [f"time counts from GPS second {start:.3f}"]
+        notes = [
+            f"time counts from GPS second {start:.3f}",
+            f"imu: stamps {LOG_S:g} s earlier, what the transfer takes",
+        ]
+        return moved(imu, start + LOG_S), moved(gnss, start), notes
     if imu_file is None:
         raise InputError(f"{data}: neither an IMU log with its .tag and one .pos file, nor imu.csv and gnss.csv in it")
     if gnss_file is None:
         raise InputError(f"{data}: imu.csv has a clock of its own, and there is no gnss.csv on it")
-    return read_table(imu_file, "imu"), read_table(gnss_file, "gnss"), False, ["imu and gnss tables as they stand"]
+    imu = moved(read_table(imu_file, "imu"), TABLE_S)
+    return (
+        imu,
+        read_table(gnss_file, "gnss"),
+        [f"imu: the table's stamps {TABLE_S:g} s earlier, what the transfer takes"],
+    )
 
 
 def main() -> int:
@@ -60,7 +70,7 @@ def main() -> int:
         return 2
     data, out = Path(sys.argv[1]), Path(sys.argv[2])
     try:
-        imu, gnss, logged, notes = read(data)
+        imu, gnss, notes = read(data)
         names = [n for n in gnss.columns if n.startswith("std_v_")]
         for name in names:
             gnss.columns[name] = gnss[name] * DOPPLER_SIGMA
@@ -73,8 +83,6 @@ def main() -> int:
         print(f"prepare: {error}", file=sys.stderr)
         return error.exit_status
     study = Path(__file__).with_name("study.toml").read_text(encoding="utf-8")
-    if not logged:
-        study = re.sub(r"^gnss_delay_s = \S+.*\n", "", study, flags=re.MULTILINE)
     (out / "study.toml").write_text(study, encoding="utf-8")
     for note in notes:
         print(f"note: {note}")

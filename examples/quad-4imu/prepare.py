@@ -39,7 +39,6 @@ def prepare(data: Path, out: Path, name: str | None, sensor: str) -> list[str]:
         write_table(out / f"{table_name}.csv", table)
     study = Path(__file__).with_name("study.toml").read_text(encoding="utf-8")
     study = re.sub(r'^name = ".*"', f'name = "quad {flight.name} {flight.sensor}"', study, flags=re.MULTILINE)
-    study = re.sub(r"^gnss_delay_s = \S+", f"gnss_delay_s = {flight.position_lag:.3f}", study, flags=re.MULTILINE)
     study = re.sub(r"^\[start\]\n(?:[^\n\[]+\n)*", lambda _: start_of(flight), study, flags=re.MULTILINE)
     (out / "study.toml").write_text(study, encoding="utf-8")
     return flight.tables["imu"].notes

@@ -47,7 +47,7 @@ def test_what_the_recording_is_known_for_is_found(replayed):
             abs(value[f"gyro_bias_{a}"]) < 0.004 for a in "xyz"
         )  # the autopilot has taken them out on the ground
     if name == "quad-4imu":
-        assert value["gnss_delay"] == pytest.approx(-0.05, abs=0.02)
+        assert abs(value["gnss_delay"]) < 0.02
         assert result.summary["errors"]["smoother"]["pitch_deg"]["rms"] < 2.0
     if name == "car-phone":
         assert np.degrees(value["mounting_yaw"]) == pytest.approx(8.5, abs=2.5)
@@ -76,7 +76,7 @@ def test_smoother_between_thinned_fixes(data_folder, tmp_path):
 
     result = variant(tmp_path / "t", change)
     left = left.where(left.time > left.time[0] + 60.0)
-    delay = delay_of(result.navigation, -0.2, left.time, True)
+    delay = delay_of(result.navigation, 0.0, left.time, True)
     errors = place_errors(result.navigation.smoother, left, delay, arm_of(result))
     errors = errors[np.isfinite(errors)]
     assert len(errors) > 1500 and np.sqrt(np.mean(errors**2)) < 0.4

@@ -6,8 +6,7 @@ DOT axes are forward-left-up and stay so ([mounting] imu_to_body_rpy_deg = [180,
 
 Both clocks start at zero on their own. The DOT's roll and pitch against the drone's tell the offset, and the truth is
 put on the DOT's clock. The drone's positions are not at the moment of its attitude (0.05 s before it in most flights):
-their accelerations against those of the DOT tell by how much; the reference's positions are moved by it, and it stays
-in the fixes, as a receiver's delay would (`Flight.position_lag`).
+their accelerations against those of the DOT tell by how much, and fixes and reference are put where they belong.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ BASE_S = 0.6  # of the second differences that tell the lag
 class Flight:
     """One flight with one sensor. tables : imu (DOT axes), gnss and reference with north and east in metres from the
     first row; start : roll, pitch, heading rad and v_n m/s at the first IMU row; offset : DOT minus truth, s;
-    position_lag : s, how much later the positions are than the attitude of the same row."""
+    position_lag : s, how much later than the attitude of the same row its position was."""
 
     name: str
     sensor: str
@@ -94,8 +93,8 @@ def read_flight(path: Path, flight: str | None = None, sensor: str = "imu1") -> 
     truth["time"] = truth["time"] + offset
     lag = _lag(truth, dot)
     notes.append(
-        f"drone: its positions are {lag:+.3f} s late against its attitude (found from accelerations); the reference's "
-        f"are moved by it, the fixes are not (gnss_delay_s = {lag:.3f} in [input])"
+        f"drone: its positions are {lag:+.3f} s late against its attitude (found from accelerations); they are put "
+        "where they belong"
     )
     inside = (truth["time"] >= dot["time"][0]) & (truth["time"] <= dot["time"][-1])
     if inside.sum() < 2 * FIX_EVERY:
@@ -107,7 +106,7 @@ def read_flight(path: Path, flight: str | None = None, sensor: str = "imu1") -> 
     place = {"north": truth["North"], "east": truth["East"], "height": 0.0 - truth["Down"]}
     k = np.flatnonzero(inside)[::FIX_EVERY]
     std = {f"std_{n}": np.full(len(k), FIX_M) for n in ("north", "east", "down")}
-    gnss = {"time": truth["time"][k], **{n: v[k] for n, v in place.items()}, **std}
+    gnss = {"time": truth["time"][k] - lag, **{n: v[k] for n, v in place.items()}, **std}
     notes.append(f"gnss: every {FIX_EVERY}th position of the truth, sigma {FIX_M:g} m; north and east from its first")
     moved = truth["time"] + lag  # row t holds the position of t - lag, so that of t stands at t + lag
     known = inside & (moved <= truth["time"][-1]) & (moved >= truth["time"][0])

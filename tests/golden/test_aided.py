@@ -91,3 +91,14 @@ def test_outages_of_the_car_pass_every_mark(data_folder, tmp_path):
     assert len(rows) == 12
     assert [r for r in rows if r.verdict == "MISSED"] == []
     assert sum(r.verdict == "good" for r in rows) >= 5
+
+
+def test_marks_are_kept_and_missed():
+    """A figure that is not there is missed; too modest a NEES is missed as well."""
+    from targets_aided import Row, text
+
+    good, must, above = (Row("car", "x", v, "m", 4.0, 2.0) for v in (1.9, 2.1, 4.1))
+    assert [r.verdict for r in (good, must, above)] == ["good", "must", "MISSED"]
+    assert Row("car", "x", float("nan"), "m", 4.0).verdict == "MISSED"
+    assert Row("car", "nees", 0.4, "", 3.0, low=0.5).verdict == "MISSED"
+    assert text(must) == "| car | x | 2.1 m | 4 | 2 | must |  |"

@@ -5,8 +5,8 @@
 pyins runs its feedback (extended Kalman) filter with random-walk biases. It has no vehicle constraints, mounting
 angles, time delays or smoother; it gets the fixes on the IMU's clock, with the delays that our filter has found, so
 that it is not judged for what its user would have to do beforehand. Outages are those of the first phase of [sweep]; an
-error is that of the last withheld fix. "INS alone" is our filter with the same aids as pyins: no constraints, no other
-sensor.
+error is that of the last withheld fix, without an outage that of the next fix before it is used. "INS alone" is our
+filter with the same aids as pyins: no constraints, no other sensor.
 
 Speed is IMU epochs a second of the filter alone (no smoother, no reading), one after the other on one core. pyins takes
 one to three minutes for each run: --cache keeps its results. The tables go to docs/peers.md, all figures to peers.json.
@@ -186,14 +186,12 @@ def run_pyins(drive: Drive, gone: Mask, wider: float = 1.0) -> Run:
 # ----------------------------------------------------------------------------------------------------------- judging
 
 
-def misses(track: Solution, drive: Drive, rows: NDArray[np.int64], after: bool) -> Array:
-    """(n,) m, horizontal distance of the antenna from the fixes `rows`. after : as the track stands once it has seen
-    the fix (its first row from then on, moved back); else as predicted (the last row before it, moved on)."""
+def misses(track: Solution, drive: Drive, rows: NDArray[np.int64]) -> Array:
+    """(n,) m, horizontal distance of the antenna from the fixes `rows` as predicted: the last row before, moved on."""
     from schuler.ground.frames import dcm_from_euler
 
     t = drive.at[rows]
-    k = np.searchsorted(track.time, t, side="left") - (0 if after else 1)
-    k = np.clip(k, 0, len(track) - 1)
+    k = np.clip(np.searchsorted(track.time, t, side="left") - 1, 0, len(track) - 1)
     arms = np.einsum("nij,j->ni", dcm_from_euler(*track.rpy[k].T), drive.arm)
     ahead = track.v_n[k] * (t - track.time[k])[:, None] + arms
     out = np.empty(len(rows))
@@ -221,11 +219,11 @@ def told(errors: Array, run: Run | None = None) -> dict[str, Any]:
     return out
 
 
-def peer_rows(result: Any) -> list[dict[str, Any]]:
-    """pyins with every fix (length 0) and on each outage length."""
+def peer_rows(result: Any, lengths: tuple[float, ...] = ()) -> list[dict[str, Any]]:
+    """pyins with every fix (length 0: the next one, predicted) and on each outage length."""
     drive = drive_of(result)
     stamps, rows = drive.gnss.time, []
-    for length in (0.0, *result.study.sweep.length_s):
+    for length in lengths or (0.0, *result.study.sweep.length_s):
         spans = spans_of(result, length) if length else []
         gone = np.zeros(len(stamps), dtype=bool)
         for a, b in spans:
@@ -236,9 +234,7 @@ def peer_rows(result: Any) -> list[dict[str, Any]]:
         if not len(judged):
             continue
         run = run_pyins(drive, gone)
-        rows.append(
-            {"length_s": length, "windows": len(judged), **told(misses(run.track, drive, judged, not length), run)}
-        )
+        rows.append({"length_s": length, "windows": len(judged), **told(misses(run.track, drive, judged), run)})
         say(f"pyins {drive.name}, outages of {length:g} s: median {rows[-1]['p50']:.3g} m, {run.seconds:.0f} s")
     return rows
 
@@ -269,7 +265,7 @@ def our_rows(folder: Path, result: Any, change: Callable[[dict[str, Any]], None]
         else:
             drive = drive_of(found)
             judged = np.arange(start_of(drive)[0] + SETTLED, len(drive.at))
-            row = told(misses(found.navigation.filter, drive, judged, True))
+            row = told(misses(found.navigation.filter, drive, judged))
             row["windows"] = len(judged)
         rows.append({"length_s": length, **row})
     return rows
@@ -355,7 +351,7 @@ def markdown(found: dict[str, Any]) -> str:
     for name, told in found.items():
         for peer, ours, bare in zip(told["pyins"], told["ours"], told["alone"], strict=True):
             length = peer["length_s"]
-            label = f"{length:g} s" if length else "every fix used"
+            label = f"{length:g} s" if length else "the next fix"
             smooth = ours.get("smoother")
             cells = [name, label, str(peer["windows"]) if length else "", both(peer), both(bare), both(ours)]
             cells += ["" if smooth is None else f"{smooth:.2g}", peer.get("note", "")]

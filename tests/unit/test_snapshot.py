@@ -84,28 +84,37 @@ def test_sigmas_hold_for_clean_signals():
     assert 0.3 < np.mean(ratio) < 1.5
 
 
-def test_memory_holds_height_clock_and_offsets_and_never_looks_ahead():
-    rng = np.random.default_rng(5)
+def epochs(count, seed=6, place=PLACE, noise=4.0, first=0):
+    r = np.random.default_rng(seed)
+    for k in range(first, first + count):
+        sat = sky(r, 10)
+        system = np.repeat([1, 4], 5)
+        offset = np.where(system == 4, 20.0, 0.0)
+        rho = measured(sat, place) + 1e5 + 40.0 * k + offset + noise * r.standard_normal(10)
+        yield 0.2 * k, rho, sat, system, np.full(10, 45.0)
 
-    def epochs(count, spoil=False):
-        r = np.random.default_rng(6)
-        out = []
-        for k in range(count):
-            sat = sky(r, 10)
-            system = np.repeat([1, 4], 5)
-            rho = measured(sat) + 1e5 + 40.0 * k + np.where(system == 4, 20.0, 0.0) + 4.0 * r.standard_normal(10)
-            if spoil and k == count - 1:
-                rho += 500.0 * rng.standard_normal(10)
-            out.append((0.2 * k, rho, sat, system, np.full(10, 45.0)))
-        return out
 
-    one, two, fresh = SnapshotFixes(), SnapshotFixes(), []
-    a = [one.epoch(*e) for e in epochs(200)]
-    b = [two.epoch(*e) for e in epochs(201, spoil=True)]
-    assert [f.lat for f in a] == [f.lat for f in b[:200]]
+@pytest.mark.slow
+def test_memory_holds_height_and_offsets_and_never_looks_ahead():
+    maker, other = SnapshotFixes(), SnapshotFixes()
+    a = [maker.epoch(*e) for e in epochs(200)]
+    b = [other.epoch(t, rho + (500.0 if t > 30.0 else 0.0) * np.arange(10), *more) for t, rho, *more in epochs(200)]
+    early = [i for i, f in enumerate(a) if f.time <= 30.0]
+    assert [a[i].lat for i in early] == [b[i].lat for i in early]
     fresh = [SnapshotFixes().epoch(*e) for e in epochs(200)]
     up = [np.std([miss(f)[2] for f in fixes[100:]]) for fixes in (a, fresh)]
     assert up[0] < 0.5 * up[1]
+
+
+@pytest.mark.slow
+def test_a_wrong_memory_is_given_up():
+    """A minute of fixes far above the street, then the truth: the height learnt does not hold it away for long."""
+    maker = SnapshotFixes()
+    high = PLACE * (1.0 + 800.0 / np.linalg.norm(PLACE))
+    for e in epochs(300, place=high):
+        assert abs(miss(maker.epoch(*e))[2] + 800.0) < 60.0
+    later = [maker.epoch(*e) for e in epochs(100, seed=9, first=300)]
+    assert np.median([np.abs(miss(f)).max() for f in later[40:]]) < 40.0
 
 
 @pytest.mark.parametrize("n", [0, 3])

@@ -77,6 +77,9 @@ def navigate(tables: Tables, settings: PlanarSettings, plane: Plane | None = Non
     track = motion.pieces_of(speed, turn, t0, np.concatenate([mt, rows_t]))
     m.time, m.kind, m.z = mt, mk, mz
     begin = find(track, m, settings, plane)
+    if len(begin.echoes):
+        mt, mk, mz = (np.delete(a, begin.echoes, axis=0) for a in (mt, mk, mz))
+        m.time, m.kind, m.z = mt, mk, mz
     notes += begin.notes
     all_t = rows_t
     rows_t = rows_t[rows_t >= begin.told]

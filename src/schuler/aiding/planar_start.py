@@ -21,14 +21,20 @@ from schuler.ground.errors import InputError
 Array = NDArray[np.float64]
 STRETCHES_M = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0, inf)
 SURE_RAD = 0.12  # the heading is found
+HOPELESS_RAD = 0.6  # it is not
 RIVAL = 9.0  # another answer whose cost is no more than this above the best one could be the truth
+OUTSIDE = 4.0  # sigmas
 MOST = 120  # measurements that the fit looks at
 DEFAULT_STD_M, DEFAULT_STD_RAD = 1.0, np.radians(2.0)
 
 
 @dataclass
 class Begin:
-    """north, east m, heading rad in the plane at the first moment with sigmas; told: rows begin here; notes."""
+    """north, east m, heading rad in the plane at the first moment with sigmas; told: rows begin here.
+
+    echoes : indices of measurements before `told` that the start shows to be wrong; a filter that begins with wide
+    sigmas could not tell.
+    """
 
     north: float
     east: float
@@ -38,6 +44,7 @@ class Begin:
     std_heading: float
     told: float
     notes: list[str] = field(default_factory=list)
+    echoes: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
 
 def find(track: Track, m: Measurements, s: PlanarSettings, plane: Plane) -> Begin:
@@ -69,6 +76,16 @@ def find(track: Track, m: Measurements, s: PlanarSettings, plane: Plane) -> Begi
     best, end, rivals = fit.grow()
     notes = []
     sigma = np.sqrt(np.maximum(np.diag(best.cov), 0.0))
+    if sigma[2] > HOPELESS_RAD:
+        seen = f"ranges to {len(m.place)} beacon{'s' * (len(m.place) != 1)}" if len(m.place) else "the fixes"
+        raise InputError(
+            f"no start was found: {seen} and {fit.length(end):.0f} m of odometry do not tell where the vehicle heads; "
+            "type the place (lat_deg and lon_deg, in metres north_m and east_m) and heading_deg under [start]"
+        )
+    echoes = fit.contradicting(best, end)
+    if len(echoes):
+        many = "measurements contradict" if len(echoes) > 1 else "measurement contradicts"
+        notes.append(f"start: {len(echoes)} {many} the others and {'were' if len(echoes) > 1 else 'was'} left out")
     with_ranges = bool((m.kind == 1).any())
     found = "heading" if placed else "place" if heading is not None else "place and heading"
     notes.append(
@@ -95,6 +112,7 @@ def find(track: Track, m: Measurements, s: PlanarSettings, plane: Plane) -> Begi
         std_h if heading is not None else max(5.0 * float(sigma[2]), 0.5),
         end,
         notes,
+        echoes,
     )
 
 
@@ -161,6 +179,24 @@ class _Fit:
             )
         return best, end, rivals
 
+    def contradicting(self, best: _Answer, end: float) -> NDArray[np.int64]:
+        """Measurements up to `end` that lie further from the best answer than the scatter of the others lets them."""
+        rows = self.usable[self.m.time[self.usable] <= end]
+        last = min(int(np.searchsorted(self.time, end)), len(self.time) - 1)
+        at = np.searchsorted(self.time, self.m.time[rows], side="left")
+        forward, right = self.path(best.x[3], best.x[4], last)
+        co, si = np.cos(best.x[2]), np.sin(best.x[2])
+        north = best.x[0] + co * forward[at] - si * right[at]
+        east = best.x[1] + si * forward[at] + co * right[at]
+        miss = np.abs(self._misses(north, east, best.x[5], rows))
+        fixes = self.m.kind[rows] == 0
+        k = int(fixes.sum())
+        limit = OUTSIDE * max(1.4826 * float(np.median(miss)), 1.0)
+        wrong = np.zeros(len(rows), dtype=bool)
+        wrong[fixes] = np.maximum(miss[:k], miss[k : 2 * k]) > limit
+        wrong[~fixes] = miss[2 * k :] > limit
+        return np.asarray(rows[wrong], dtype=np.int64)
+
     def solve(self, rows: NDArray[np.int64], last: int) -> tuple[_Answer, list[_Answer]]:
         """Answers over the pieces up to `last`, the best first."""
         from scipy.optimize import least_squares
@@ -169,13 +205,17 @@ class _Fit:
         first = self._guesses(rows, at, last)
         answers: list[_Answer] = []
         for x0 in first:
-            got = least_squares(
-                self.residuals, x0, args=(rows, at, last), loss="soft_l1", method="trf", max_nfev=40,
-                x_scale=[1.0, 1.0, 0.1, 0.01, 0.02, 0.05],
-            )  # fmt: skip
+            # a loss that finds the way from afar, then one that forgets echoes altogether
+            for loss, width in (("soft_l1", 1.0), ("cauchy", 2.5)):
+                got = least_squares(
+                    self.residuals, x0, args=(rows, at, last), loss=loss, f_scale=width, method="trf", max_nfev=40,
+                    x_scale=[1.0, 1.0, 0.1, 0.01, 0.02, 0.05],
+                )  # fmt: skip
+                x0 = got.x
             J = np.asarray(got.jac, dtype=np.float64)
-            scale = np.maximum(np.linalg.norm(J, axis=0), 1e-12)
-            cov = np.linalg.pinv((J / scale).T @ (J / scale)) / np.outer(scale, scale)
+            scale = np.maximum(np.linalg.norm(J, axis=0), 1e-9)
+            # what the measurements do not tell at all stays as wide as this
+            cov = np.linalg.inv((J / scale).T @ (J / scale) + 1e-9 * np.eye(6)) / np.outer(scale, scale)
             answers.append(_Answer(got.x, 2.0 * float(got.cost), cov))
         answers.sort(key=lambda a: a.cost)
         best = answers[0]

@@ -1,8 +1,8 @@
 """Position fixes from pseudoranges, epoch by epoch: robust least squares made for streets.
 
 Unknown in each epoch: the antenna's place, the receiver's clock, and an offset of the clock of every further satellite
-system. What was learnt in earlier epochs (never in later ones) holds the slow ones: the offsets between systems, the
-height of the street, and the clock, which runs on in a line.
+system. What was learnt in earlier epochs (never in later ones) holds the slow ones: the offsets between systems and the
+height of the street. The clock is not held: it is the one unknown that an echo on all sides could lead away for good.
 
 Satellite positions are those at the time of transmission in axes that turn with the Earth; while the signal travels the
 Earth turns on, which is up to 40 m of the way, nearly all of it east-west. It is taken into account unless
@@ -26,6 +26,8 @@ from schuler.ground.earth import WGS84, LocalFrame
 Array = NDArray[np.float64]
 LIGHT = 299792458.0
 EARTH_RATE = 7.292115e-5
+# Share of the spare weight below which memory is doubted, how much better the present must do without it, how many epochs.
+DOUBT, BETTER, PATIENCE = 0.2, 1.5, 10
 
 
 @dataclass(frozen=True)
@@ -41,9 +43,7 @@ class SnapshotSettings:
     early: float = 1.5
     offset_std: float = 2.0  # of an offset between systems, from its median over earlier epochs
     height_std: float = 3.0  # of the height, likewise
-    clock_std: float = 4.0  # of the clock, from a line through earlier epochs
     memory_s: float = 100.0
-    clock_memory_s: float = 10.0
     turned: bool = False
 
 
@@ -70,7 +70,8 @@ class SnapshotFixes:
     _last: Array | None = None
     _offsets: dict[int, deque[tuple[float, float]]] = field(default_factory=dict)
     _height: deque[tuple[float, float]] = field(default_factory=deque)
-    _clock: deque[tuple[float, float]] = field(default_factory=deque)
+    _first: int | None = None  # the system that carries the clock
+    _doubted: int = 0
 
     def epoch(
         self,
@@ -117,54 +118,73 @@ class SnapshotFixes:
         if int(good.sum()) < 4 or not systems:
             return None
         rho, local, kind, sigma = rho[good], local[good], kind[good], sigma[good]
-        # the first system with an offset already known, or the one with most satellites, carries the clock
         main = self._main(kind)
         others = [k for k in systems if k != main]
         size = 4 + len(others)
-        known = self._known(time, others, size)
+        known = self._known(time, others, main)
         if len(rho) + len(known) < size:
             return None
         columns = np.zeros((len(rho), size - 3))
         columns[:, 0] = 1.0
         for j, k in enumerate(others):
             columns[:, 1 + j] = kind == k
-        found = [self._solve(x0, rho, local, columns, sigma, known) for x0 in self._starts(rho, local, columns, sigma)]
-        answers = [f for f in found if f is not None]
-        if not answers:
+        starts = self._starts(rho, local, columns, sigma)
+        best = self._best(starts, rho, local, columns, sigma, known)
+        doubt = False
+        spare = len(rho) - (size - len(known))  # so many would agree with any answer, and are not counted
+        if known and (best is None or float(np.sum(best[2])) - len(rho) + spare < DOUBT * spare):
+            # Few of the pseudoranges agree with what was learnt: if that lasts it is wrong, and would never heal itself.
+            free = self._best(starts, rho, local, columns, sigma, []) if len(rho) >= size else None
+            doubt = free is not None and (best is None or float(np.sum(free[2])) > BETTER * float(np.sum(best[2])))
+        self._doubted = self._doubted + 1 if doubt else 0
+        if self._doubted >= PATIENCE:
+            best = free
+            self._forget()
+        if best is None:
             return None
-        x, cost, weight, cov, ratio = min(answers, key=lambda f: f[1])
+        x, _, weight, cov, ratio = best
         self._learn(time, x, others, main)
         lat_, lon_, height_ = frame.geodetic(x[0], x[1], x[2])
         return Fix(time, float(lat_), float(lon_), float(height_), cov, int((weight > 0.25).sum()), seen, ratio)
 
-    def _main(self, kind: NDArray[np.int64]) -> int:
-        values, counts = np.unique(kind, return_counts=True)
-        before = [int(v) for v in values if v not in self._offsets]
-        if self._clock and before:
-            return before[0]
-        return int(values[np.argmax(counts)]) if not self._clock else int(values[0])
+    def _best(
+        self,
+        starts: list[Array],
+        rho: Array,
+        local: Array,
+        columns: Array,
+        sigma: Array,
+        known: list[tuple[int, float, float]],
+    ) -> tuple[Array, float, Array, Array, float] | None:
+        """The answer of least cost over several first guesses."""
+        found = [self._solve(x0, rho, local, columns, sigma, known) for x0 in starts]
+        answers = [f for f in found if f is not None]
+        return min(answers, key=lambda f: f[1]) if answers else None
 
-    def _known(self, time: float, others: list[int], size: int) -> list[tuple[int, float, float]]:
+    def _forget(self) -> None:
+        self._height.clear()
+        self._offsets.clear()
+        self._doubted = 0
+
+    def _main(self, kind: NDArray[np.int64]) -> int:
+        """The system that carries the clock: the first epoch's commonest, where it is seen."""
+        values, counts = np.unique(kind, return_counts=True)
+        if self._first is None:
+            self._first = int(values[np.argmax(counts)])
+        return self._first if self._first in values else int(values[np.argmax(counts)])
+
+    def _known(self, time: float, others: list[int], main: int) -> list[tuple[int, float, float]]:
         """(unknown, value, sigma) of what earlier epochs say."""
         s = self.settings
         known = []
-        for j, k in enumerate(others):
+        for j, k in enumerate(others if main == self._first else ()):
             past = self._recent(self._offsets.get(k), time, s.memory_s)
             if len(past) >= 20:
                 known.append((4 + j, float(np.median(past[:, 1])), s.offset_std))
         past = self._recent(self._height, time, s.memory_s)
         if len(past) >= 50:
             known.append((2, float(np.median(past[:, 1])), s.height_std))
-        past = self._recent(self._clock, time, s.clock_memory_s)
-        if len(past) >= 20:
-            A = np.column_stack([np.ones(len(past)), past[:, 0] - time])
-            w: Array = np.ones(len(past))
-            line: Array = np.zeros(2)
-            for _ in range(4):
-                line = np.asarray(np.linalg.lstsq(A * w[:, None], past[:, 1] * w, rcond=None)[0])
-                w = (1.0 + ((past[:, 1] - A @ line) / 3.0) ** 2) ** -0.5
-            known.append((3, float(line[0]), s.clock_std))
-        return [entry for entry in known if entry[0] < size]
+        return known
 
     @staticmethod
     def _recent(past: deque[tuple[float, float]] | None, time: float, memory: float) -> Array:
@@ -175,14 +195,11 @@ class SnapshotFixes:
 
     def _learn(self, time: float, x: Array, others: list[int], main: int) -> None:
         self._last = x
-        if main in self._offsets:
-            return  # the clock is another system's in this epoch
         memory = self.settings.memory_s
         self._height.append((time, float(x[2])))
-        self._clock.append((time, float(x[3])))
-        for j, k in enumerate(others):
+        for j, k in enumerate(others if main == self._first else ()):  # offsets are against the first system
             self._offsets.setdefault(k, deque()).append((time, float(x[4 + j])))
-        for past in (self._height, self._clock, *self._offsets.values()):
+        for past in (self._height, *self._offsets.values()):
             while past and past[0][0] < time - memory:
                 past.popleft()
 

@@ -39,10 +39,11 @@ ACTING = 8  # states that they depend on: these and the bias and scales of turn 
     NC,
 ) = range(17)
 # what the gates remember
-FIX_T, FIX_BAD, RANGE_T, RANGE_BAD, NS = range(5)
+FIX_T, FIX_BAD, RANGE_T, RANGE_BAD, RANGE_SHARE, NS = range(6)
 FIX, RANGE, REST, VELOCITY = range(4)
 MZ = 7  # of a measurement: fix: north, east, white sigmas, slow sigmas; range: metres, variance, beacon, its place, dz
 INNOVATION = 6  # value (2), sigma (2), nis, share of its weight that was used (0: left out)
+LEAK, MOST_REFUSED = 0.05, 0.6  # a gate that refused most of the last twenty is as good as shut
 RESET_HEADING = 0.2  # rad, put on the heading where a gate that stayed shut is opened
 
 
@@ -341,11 +342,15 @@ def measure_range(x, P, c, s, t, z, out, grown, H, K):
         w = share(c, nis, 1.0)
         if attempt == 0:
             out[0], out[2], out[4], out[5] = y, math.sqrt(S), nis, w
+        if attempt == 0:
+            s[RANGE_SHARE] += LEAK * ((0.0 if w > 0.0 else 1.0) - s[RANGE_SHARE])
         if w > 0.0:
             break
         s[RANGE_BAD] += 1.0
-        if s[RANGE_BAD] < 5.0 or t - s[RANGE_T] < c[PATIENCE]:
+        shut = s[RANGE_BAD] >= 5.0 and t - s[RANGE_T] >= c[PATIENCE]
+        if not shut and s[RANGE_SHARE] < MOST_REFUSED:
             break
+        s[RANGE_SHARE] = 0.0
         open_gate(x, P, s, t, y * y, RANGE_BAD, grown)
     if w <= 0.0:
         return

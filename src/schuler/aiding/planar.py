@@ -78,7 +78,8 @@ def navigate(tables: Tables, settings: PlanarSettings, plane: Plane | None = Non
     m.time, m.kind, m.z = mt, mk, mz
     begin = find(track, m, settings, plane)
     if len(begin.echoes):
-        mt, mk, mz = (np.delete(a, begin.echoes, axis=0) for a in (mt, mk, mz))
+        kept = np.setdiff1d(np.arange(len(mt)), begin.echoes)
+        mt, mk, mz = mt[kept], mk[kept], np.ascontiguousarray(mz[kept])
         m.time, m.kind, m.z = mt, mk, mz
     notes += begin.notes
     all_t = rows_t

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import degrees, inf
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ STRETCHES_M = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0, 640.0, inf)
 SURE_RAD = 0.12  # the heading is found
 HOPELESS_RAD = 0.6  # it is not
 RIVAL = 9.0  # another answer whose cost is no more than this above the best one could be the truth
+LOSSES: tuple[tuple[Literal["soft_l1", "cauchy"], float], ...] = (("soft_l1", 1.0), ("cauchy", 2.5))
 OUTSIDE = 4.0  # sigmas
 MOST = 120  # measurements that the fit looks at
 DEFAULT_STD_M, DEFAULT_STD_RAD = 1.0, np.radians(2.0)
@@ -206,7 +208,7 @@ class _Fit:
         answers: list[_Answer] = []
         for x0 in first:
             # a loss that finds the way from afar, then one that forgets echoes altogether
-            for loss, width in (("soft_l1", 1.0), ("cauchy", 2.5)):
+            for loss, width in LOSSES:
                 got = least_squares(
                     self.residuals, x0, args=(rows, at, last), loss=loss, f_scale=width, method="trf", max_nfev=40,
                     x_scale=[1.0, 1.0, 0.1, 0.01, 0.02, 0.05],

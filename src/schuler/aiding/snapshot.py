@@ -26,7 +26,7 @@ from schuler.ground.earth import WGS84, LocalFrame
 Array = NDArray[np.float64]
 LIGHT = 299792458.0
 EARTH_RATE = 7.292115e-5
-# Share of the spare weight below which memory is doubted, how much better the present must do without it, how many epochs.
+# Share of the spare weight below which memory is doubted, how much better the present must do without it, for how long.
 DOUBT, BETTER, PATIENCE = 0.2, 1.5, 10
 
 
@@ -133,7 +133,7 @@ class SnapshotFixes:
         doubt = False
         spare = len(rho) - (size - len(known))  # so many would agree with any answer, and are not counted
         if known and (best is None or float(np.sum(best[2])) - len(rho) + spare < DOUBT * spare):
-            # Few of the pseudoranges agree with what was learnt: if that lasts it is wrong, and would never heal itself.
+            # Few pseudoranges agree with what was learnt: if that lasts it is wrong, and would never heal itself.
             free = self._best(starts, rho, local, columns, sigma, []) if len(rho) >= size else None
             doubt = free is not None and (best is None or float(np.sum(free[2])) > BETTER * float(np.sum(best[2])))
         self._doubted = self._doubted + 1 if doubt else 0

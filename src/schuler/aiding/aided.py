@@ -35,7 +35,7 @@ STATES: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (  # slot, name, uni
     ("SG", "gyro_scale", "1", XYZ),
     ("SA", "accel_scale", "1", XYZ),
     ("MG", "gyro_misalignment", "rad", ("xy", "xz", "yx", "yz", "zx", "zy")),
-    ("MA", "accel_misalignment", "rad", ("xy", "xz", "yz")),
+    ("MA", "accel_misalignment", "rad", ("xy", "xz", "yx", "yz", "zx", "zy")),
     ("MNT", "mounting", "rad", ("roll", "pitch", "yaw")),
     ("ANT", "antenna_lever", "m", XYZ),
     ("DVL", "dvl_lever", "m", XYZ),

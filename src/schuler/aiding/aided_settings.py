@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 ALWAYS = ("gyro_bias", "accel_bias")
+SHAPES = ("gyro_scale", "accel_scale", "gyro_misalignment", "accel_misalignment")  # where the IMU is said to have them
+UNTOLD = {"gyro_scale": 0.01, "accel_scale": 0.01, "gyro_misalignment": 0.005, "accel_misalignment": 0.005}
 ESTIMATES = (  # in the order of their places in the error state
     "gyro_bias", "accel_bias", "gyro_scale", "accel_scale", "gyro_misalignment", "accel_misalignment", "mounting",
     "antenna_lever", "dvl_lever", "speed_lever", "gnss_delay", "gnss_velocity_delay", "dvl_delay", "speed_delay",
@@ -51,14 +53,14 @@ class AidedSettings:
     gyro_tau: float = 1000.0
     gyro_walk: float = 5e-5
     gyro_scale_std: float = 0.01
-    gyro_misalignment_std: float = 0.005
+    gyro_misalignment_std: float = 0.0
     accel_vrw: Vector = (0.05, 0.05, 0.05)
     accel_bias_std: Vector = (0.3, 0.3, 0.3)
     accel_instability: float = 0.0
     accel_tau: float = 1000.0
     accel_walk: float = 5e-4
     accel_scale_std: float = 0.01
-    accel_misalignment_std: float = 0.005
+    accel_misalignment_std: float = 0.0
     # other sensors
     gnss_std: Vector = (1.0, 1.0, 2.0)
     gnss_velocity_std: Vector = (0.05, 0.05, 0.1)
@@ -160,6 +162,7 @@ def chosen(s: AidedSettings, present: Iterable[str], *, delayed: bool = False) -
         names = set(s.estimate)
     else:
         names = set(ALWAYS)
+        names |= {name for name in SHAPES if getattr(s, f"{name}_std") > 0.0}
         if "speed" in have:
             names |= {"speed_scale"} | ({"current"} if s.speed_is != "ground" else set())
         if ("speed" in have and s.speed_is == "ground") or "nhc" in s.constraints:
@@ -196,6 +199,9 @@ def layout_of(s: AidedSettings, names: tuple[str, ...]) -> Layout:
         # a turn-on constant that the in-run part moves: its short-time behaviour is a random walk
         return np.hypot(first, instability), 2.0 * instability**2 / tau + walk**2, 0.0
 
+    def shape(name: str, count: int) -> Array:
+        return np.full(count, getattr(s, f"{name}_std") or UNTOLD[name])
+
     current_beta = 0.0
     if s.current_std > 0.0 and s.current_walk > 0.0:
         current_beta = 0.5 * (s.current_walk / s.current_std) ** 2
@@ -204,10 +210,10 @@ def layout_of(s: AidedSettings, names: tuple[str, ...]) -> Layout:
     table: dict[str, tuple[int, Array, Array | float, float]] = {
         "gyro_bias": (k.BG, *bias(s.gyro_bias_std, s.gyro_instability, s.gyro_tau, s.gyro_walk)),
         "accel_bias": (k.BA, *bias(s.accel_bias_std, s.accel_instability, s.accel_tau, s.accel_walk)),
-        "gyro_scale": (k.SG, np.full(3, s.gyro_scale_std), 0.0, 0.0),
-        "accel_scale": (k.SA, np.full(3, s.accel_scale_std), 0.0, 0.0),
-        "gyro_misalignment": (k.MG, np.full(6, s.gyro_misalignment_std), 0.0, 0.0),
-        "accel_misalignment": (k.MA, np.full(3, s.accel_misalignment_std), 0.0, 0.0),
+        "gyro_scale": (k.SG, shape("gyro_scale", 3), 0.0, 0.0),
+        "accel_scale": (k.SA, shape("accel_scale", 3), 0.0, 0.0),
+        "gyro_misalignment": (k.MG, shape("gyro_misalignment", 6), 0.0, 0.0),
+        "accel_misalignment": (k.MA, shape("accel_misalignment", 6), 0.0, 0.0),
         "mounting": (k.MNT, np.full(3, s.mounting_std), 0.0, 0.0),
         "antenna_lever": (k.ANT, np.full(3, s.antenna_std), 0.0, 0.0),
         "dvl_lever": (k.DVL, np.full(3, s.antenna_std), 0.0, 0.0),

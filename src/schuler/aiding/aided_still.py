@@ -13,6 +13,7 @@ ACCEL_QUIET = 0.35  # m/s^2
 TURN = 0.02  # rad/s off the bias
 APART = 1.5  # how much louder motion must be than rest, else only fixes and wheels tell standing
 SLOW = 0.3  # m/s, of a fix's velocity
+RESTING = 0.15  # m/s, where the ear is no witness
 
 
 def _running(values: Array, n: int) -> tuple[Array, Array]:
@@ -62,7 +63,11 @@ def standing(rows: Array, fix_time: Array | None = None, fix_speed: Array | None
                 )
                 heard = bool(apart.any())
             with np.errstate(invalid="ignore"):
-                slow = ~(speed > SLOW) if heard else speed <= SLOW
+                if heard:
+                    slow = ~(speed > SLOW)
+                else:  # two slow fixes or wheel rows in a row
+                    resting = (v <= RESTING) & (np.concatenate([[np.inf], v[:-1]]) <= RESTING)
+                    slow = known & resting[np.maximum(after, 0)]
     quiet = (hum < limits).all(axis=1) & slow
     if quiet.any():
         bias = np.median(mean_w[quiet], axis=0)

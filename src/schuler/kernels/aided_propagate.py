@@ -98,12 +98,12 @@ def gyro_inverse(x):
 
 @njit(cache=True, error_model="numpy")
 def accel_inverse(x):
-    """(I + M)^-1 of the accelerometers, row by row (upper triangular M)."""
+    """(I + M)^-1 of the accelerometers, row by row."""
     p = PAR
     return inverse3(
         1.0 + x[p + SA], x[p + MA], x[p + MA + 1],
-        0.0, 1.0 + x[p + SA + 1], x[p + MA + 2],
-        0.0, 0.0, 1.0 + x[p + SA + 2],
+        x[p + MA + 2], 1.0 + x[p + SA + 1], x[p + MA + 3],
+        x[p + MA + 4], x[p + MA + 5], 1.0 + x[p + SA + 2],
     )  # fmt: skip
 
 
@@ -427,17 +427,15 @@ def _scale_columns(
         b = ie[SG] if kind == 0 else ie[MG] if kind == 1 else ie[SA] if kind == 2 else ie[MA]
         if b < 0:
             continue
-        count = 6 if kind == 1 else 3
+        count = 6 if kind == 1 or kind == 3 else 3
         for a in range(count):
-            if kind == 0 or kind == 2:
+            if count == 3:
                 row, column = a, a
-            elif kind == 1:
+            else:
                 row = a // 2
                 column = (
                     (1 if a == 0 else 2) if row == 0 else (0 if a == 2 else 2) if row == 1 else (0 if a == 4 else 1)
                 )
-            else:
-                row, column = (0, 1) if a == 0 else (0, 2) if a == 1 else (1, 2)
             j = b + a
             if kind < 2:
                 k = w0 if column == 0 else w1 if column == 1 else w2

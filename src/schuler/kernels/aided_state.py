@@ -18,14 +18,14 @@ from .rotation import quat_product, rotate_state_quat, rotvec_from_quat, wrap_pi
 QUAT, VEL, LAT, LON, HGT, PAR = 0, 4, 7, 8, 9, 10
 # --- parameters: slot s lies in x[PAR + s] and, where it is estimated, in the error state at ie[s] -------------------
 BG, BA, SG, SA = 0, 3, 6, 9  # biases and scales of gyros and accelerometers (3 each)
-MG, MA = 12, 18  # misalignments: gyro xy xz yx yz zx zy, accelerometer xy xz yz
-MNT = 21  # roll, pitch, yaw from b to the vehicle's own axes: v_vehicle = Rz Ry Rx v_b
-ANT, DVL, SPD = 24, 27, 30  # arms from the IMU in b
-TG, TV, TD, TS = 33, 34, 35, 36  # delays of fix, GNSS velocity, DVL, speed: a row stamped t belongs to t - delay
-KS, CUR, GB, HB, DB = 37, 38, 40, 43, 44  # log of speed scale, current N E, fix error NED, height offset, depth zero
-KD, DM, HO, MB = 45, 46, 49, 50  # DVL scale, DVL misalignment, heading offset, magnetometer bias
-KR, RB, USER = 53, 54, 55  # log of range scale, range bias, four for sensors of the user's own
-SLOTS = 59
+MG, MA = 12, 18  # misalignments of gyros and accelerometers: xy xz yx yz zx zy
+MNT = 24  # roll, pitch, yaw from b to the vehicle's own axes: v_vehicle = Rz Ry Rx v_b
+ANT, DVL, SPD = 27, 30, 33  # arms from the IMU in b
+TG, TV, TD, TS = 36, 37, 38, 39  # delays of fix, GNSS velocity, DVL, speed: a row stamped t belongs to t - delay
+KS, CUR, GB, HB, DB = 40, 41, 43, 46, 47  # log of speed scale, current N E, fix error NED, height offset, depth zero
+KD, DM, HO, MB = 48, 49, 52, 53  # DVL scale, DVL misalignment, heading offset, magnetometer bias
+KR, RB, USER = 56, 57, 58  # log of range scale, range bias, four for sensors of the user's own
+SLOTS = 62
 NOMINAL = PAR + SLOTS
 # --- bookkeeping (x) ---------------------------------------------------------------------------------------------
 T, TROW, TNODE, TQ = (

@@ -128,14 +128,12 @@ def imu_figures(imu: ImuModel) -> dict[str, Any]:
         "gyro_walk": float(np.max(imu.gyro_rrw)),
         "accel_walk": float(np.max(imu.accel_rrw)),
     }
-    for name, value in (
-        ("gyro_scale_std", np.max(imu.gyro_scale)),
-        ("accel_scale_std", np.max(imu.accel_scale)),
-        ("gyro_misalignment_std", imu.gyro_misalignment),
-        ("accel_misalignment_std", imu.accel_misalignment),
-    ):
-        if value > 0.0:
-            figures[name] = float(value)
+    figures |= {
+        "gyro_scale_std": float(np.max(imu.gyro_scale)),
+        "accel_scale_std": float(np.max(imu.accel_scale)),
+        "gyro_misalignment_std": imu.gyro_misalignment,
+        "accel_misalignment_std": imu.accel_misalignment,
+    }
     return figures
 
 

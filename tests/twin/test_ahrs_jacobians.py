@@ -6,8 +6,8 @@ import pytest
 from ahrs_motion import SETTINGS
 from schuler.aiding.ahrs import configuration, euler_errors, initial
 from schuler.ground.frames import dcm_from_rotvec, euler_from_dcm
-from schuler.kernels import ahrs as k
-from schuler.kernels import ahrs_smooth
+from schuler.kernels import ahrs, ahrs_smooth, hard_iron
+from schuler.kernels import ahrs_state as k
 
 RNG = np.random.default_rng(5)
 ROWS, DT = 10, 0.01
@@ -37,10 +37,16 @@ def started(error=None):
 def moved(error=None):
     """Nominal state and sums after one node's rows, begun with an error."""
     c, x, P = started(error)
-    scratch = np.zeros(k.NK), np.zeros((k.N, k.N)), np.zeros(k.NOMINAL), np.zeros((k.N, k.N)), np.zeros((4, k.N))
+    scratch = (
+        np.zeros(k.NK),
+        np.zeros((k.N, k.N)),
+        np.zeros(k.NOMINAL),
+        np.zeros((k.N, k.N)),
+        np.zeros((ahrs.WORK, k.N)),
+    )
     w, f = rows()
     for i in range(ROWS):
-        k.step(x, P, c, (i + 1) * DT, *w[i], *f[i], np.nan, np.nan, np.nan, *scratch)
+        ahrs.step(x, P, c, (i + 1) * DT, *w[i], *f[i], np.nan, np.nan, np.nan, *scratch)
     return c, x, P
 
 
@@ -82,7 +88,7 @@ def test_heading_row():
     m_b = C.T @ np.array([0.19, 0.03, 0.45])
     mean = C @ m_b
     h = np.zeros(k.N)
-    k.heading_row(*mean, h)
+    ahrs.heading_row(*mean, h)
 
     def y(e):
         m = dcm_from_rotvec(-e[:3]) @ C @ m_b
@@ -120,6 +126,29 @@ def test_update_is_the_usual_one():
         k.update(P, d, h, y, R, heading_only, work)
         np.testing.assert_allclose(P, I @ P0 @ I.T + np.outer(K, K) * R, rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(d, K * y, rtol=1e-12)
+
+
+def test_hard_iron_is_the_least_squares_centre():
+    """The kernel's normal equations against numpy's least squares over the same rows with the same fading."""
+    C = np.array([dcm_from_rotvec(v) for v in RNG.uniform(-2.0, 2.0, (40, 3))])
+    b = np.array([0.2, -0.1, 0.3])
+    m = np.einsum("nji,j->ni", C, np.array([0.4, 0.0, 0.9])) + b + 0.003 * RNG.standard_normal((40, 3))
+    s, A = np.zeros(hard_iron.NS), np.zeros((4, 5))
+    taken, found = [], False
+    for row in m:
+        before = s[hard_iron.ROWS]
+        if hard_iron.look(s, A, *row):
+            found = True
+        if s[hard_iron.ROWS] != before:
+            taken.append(row)
+            weight = (1.0 - 1.0 / hard_iron.MEMORY) ** np.arange(len(taken))[::-1]
+            H = np.column_stack([2.0 * np.array(taken), np.ones(len(taken))]) * np.sqrt(weight)[:, None]
+            y = np.sum(np.array(taken) ** 2, axis=1) * np.sqrt(weight)
+            if s[hard_iron.FOUND] and len(taken) > hard_iron.FEWEST + 2:
+                want = np.linalg.lstsq(H, y, rcond=None)[0][:3]
+                np.testing.assert_allclose(s[hard_iron.B : hard_iron.B + 3], want, atol=1e-6)
+    assert found and len(taken) > 30
+    np.testing.assert_allclose(s[hard_iron.B : hard_iron.B + 3], b, atol=0.02)
 
 
 def test_smoother_is_the_dense_formula():

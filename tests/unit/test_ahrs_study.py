@@ -6,7 +6,7 @@ from math import radians
 import numpy as np
 import pytest
 
-from ahrs_motion import FIELD, LAT, record, wandering
+from ahrs_motion import FIELD, LAT, motion, record, wandering
 from schuler.ground.errors import InputError, StudyError
 from schuler.ground.frames import dcm_from_rotvec, euler_from_quat, quat_from_rotvec, quat_multiply
 from schuler.ground.tables import Table
@@ -172,10 +172,29 @@ def test_a_field_that_points_up_is_told(folder, tmp_path):
 
 
 def test_a_field_of_any_size_is_told(folder, tmp_path):
-    def hard_iron(c):
-        c["mag_x"] = c["mag_x"] + 40e-6
+    def soft_iron(c):
+        c["mag_x"] = 3.0 * c["mag_x"]
 
-    assert any("not calibrated" in n for n in changed(folder, tmp_path, hard_iron).notes)
+    assert any("not calibrated" in n for n in changed(folder, tmp_path, soft_iron).notes)
+
+
+def test_a_hard_iron_is_found_and_told(tmp_path):
+    rec = record(60.0, 50.0, made=motion(60.0, swing=0.9))
+    write_table(tmp_path / "imu.csv", rec.imu)
+    write_table(tmp_path / "reference.csv", reference_of(rec))
+    plain = run_study(study_in(tmp_path))
+    assert plain.summary["magnetometer"]["hard_iron_uT"] is None
+
+    def hard_iron(c):
+        c["mag_x"], c["mag_z"] = c["mag_x"] + 15e-6, c["mag_z"] - 8e-6
+
+    (tmp_path / "worn").mkdir()
+    result = changed(tmp_path, tmp_path / "worn", hard_iron)
+    np.testing.assert_allclose(result.summary["magnetometer"]["hard_iron_uT"], [15.0, 0.0, -8.0], atol=1.5)
+    assert any("hard iron of" in n and "taken off" in n for n in result.notes)
+    assert result.summary["attitude"]["heading_deg"]["end"] < 6.0
+    assert result.summary["attitude_smoother"]["heading_deg"]["rms"] < 6.0
+    assert result.summary["attitude"]["heading_deg"]["max"] > 15.0  # before it was known
 
 
 def test_rows_without_numbers_and_gaps(folder, tmp_path):

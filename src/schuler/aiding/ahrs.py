@@ -72,6 +72,7 @@ class AhrsSettings:
     bend_tau: float = 2.0  # s, how long a disturbance lasts
     field_noise: float = 0.004  # relative, of size and dip
     field_memory: float = 1000.0  # s over which size and dip are learnt
+    find_iron: bool = True  # a hard iron is found by itself, where the body turns enough to tell it
     rest_rate: float = 0.03  # rad/s: still is what keeps that near its own mean
     rest_force: float = 0.3  # m/s^2
     rest_time: float = 0.5  # s
@@ -108,18 +109,20 @@ class Attitude:
 class AhrsRun:
     """What a run gives beside the `Navigation`: attitudes with their covariance in n, and what each node told.
 
-    relative : heading is counted from the start. nodes: columns of `kernels.ahrs` K_T ...
+    relative : heading is counted from the start. nodes: columns of `kernels.ahrs_state` K_T ... hard_iron (3,): what
+    was taken off the field at the end, in its unit and in b.
     """
 
     filter: Attitude
     smoother: Attitude | None
     nodes: Array
     relative: bool
+    hard_iron: Array
 
 
 def configuration(s: AhrsSettings, interval: float, mag: bool) -> Array:
     """The kernel's configuration vector for rows `interval` s apart."""
-    from schuler.kernels import ahrs as k
+    from schuler.kernels import ahrs_state as k
 
     c = np.zeros(k.NC)
     absolute = mag or s.start_heading is not None
@@ -141,6 +144,7 @@ def configuration(s: AhrsSettings, interval: float, mag: bool) -> Array:
         k.PITCH0: nan if s.start_pitch is None else s.start_pitch,
         k.HEAD0: nan if s.start_heading is None else s.start_heading,
         k.EARTH_N: OMEGA * cos(s.lat) if s.lat is not None and absolute else 0.0,
+        k.FIND_IRON: float(mag and s.find_iron),
         k.EARTH_D: -OMEGA * sin(s.lat) if s.lat is not None else 0.0,
     }  # fmt: skip
     for i, v in values.items():
@@ -150,7 +154,7 @@ def configuration(s: AhrsSettings, interval: float, mag: bool) -> Array:
 
 def initial(s: AhrsSettings, time: float, mag: bool) -> tuple[Array, Array]:
     """Nominal state and covariance before the first row, whose interval begins at `time`."""
-    from schuler.kernels import ahrs as k
+    from schuler.kernels import ahrs_state as k
 
     x, P = np.zeros(k.NX), np.zeros((k.N, k.N))
     x[k.T] = x[k.TN] = time
@@ -171,7 +175,8 @@ class AhrsFilter:
     """
 
     def __init__(self, settings: AhrsSettings | None = None, *, interval: float, mag: bool = True) -> None:
-        from schuler.kernels import ahrs as k
+        from schuler.kernels import ahrs_state as k
+        from schuler.kernels.ahrs import WORK
 
         if not (isfinite(interval) and interval > 0.0):
             raise InputError(f"the interval between rows is {interval!r} s; give a time above 0, such as 0.01")
@@ -181,7 +186,7 @@ class AhrsFilter:
         self.c = configuration(self.settings, interval, mag)
         self.x, self.P = initial(self.settings, nan, mag)
         self.told = np.zeros(k.NK)
-        self._scratch = (np.zeros((k.N, k.N)), np.zeros(k.NOMINAL), np.zeros((k.N, k.N)), np.zeros((4, k.N)))
+        self._scratch = (np.zeros((k.N, k.N)), np.zeros(k.NOMINAL), np.zeros((k.N, k.N)), np.zeros((WORK, k.N)))
 
     def update(self, time: float, gyro: ArrayLike, accel: ArrayLike, mag: ArrayLike | None = None) -> bool:
         """One row: means of rate (rad/s) and specific force (m/s^2) in b since the row before, the field at `time`.
@@ -189,7 +194,8 @@ class AhrsFilter:
         A row with a value that is not a number is passed over, and the attitude's sigma grows as over any gap. Returns
         True where the measurements were used (each settings.node seconds). Raises InputError where time goes back.
         """
-        from schuler.kernels import ahrs as k
+        from schuler.kernels import ahrs_state as k
+        from schuler.kernels.ahrs import step
 
         w, f = np.asarray(gyro, dtype=np.float64), np.asarray(accel, dtype=np.float64)
         m = np.full(3, nan) if mag is None else np.asarray(mag, dtype=np.float64)
@@ -204,18 +210,18 @@ class AhrsFilter:
         if not isfinite(self.x[k.T]):
             self.x[k.T] = self.x[k.TN] = time - self.interval
         row = (float(time), *w, *f, *m)
-        return bool(k.step(self.x, self.P, self.c, *row, self.told, *self._scratch))  # type: ignore[call-arg]
+        return bool(step(self.x, self.P, self.c, *row, self.told, *self._scratch))  # type: ignore[call-arg]
 
     @property
     def ready(self) -> bool:
         """Level, and heading found where a magnetometer is expected."""
-        from schuler.kernels import ahrs as k
+        from schuler.kernels import ahrs_state as k
 
         return bool(self.x[k.STATUS] > (1.5 if self.mag else 0.5))
 
     @property
     def time(self) -> float:
-        from schuler.kernels import ahrs as k
+        from schuler.kernels import ahrs_state as k
 
         return float(self.x[k.T])
 
@@ -275,7 +281,8 @@ def _run(
     t: Array, w: Array, f: Array, m: Array, s: AhrsSettings, out_dt: float, keep: bool
 ) -> tuple[Attitude, Array, Array, Array, tuple[Array, ...], Array]:
     """Filter over all rows: attitude, nodes, nominal states and sigmas at nodes, what the smoother needs, end state."""
-    from schuler.kernels import ahrs as k
+    from schuler.kernels import ahrs_state as k
+    from schuler.kernels.ahrs import run
 
     if len(t) < 2:
         raise InputError("the imu table holds fewer than two rows; nothing can be navigated")
@@ -290,7 +297,7 @@ def _run(
     r = j if keep else 0
     nodes = (np.zeros((r, k.NOMINAL)), np.zeros((r, k.N, k.N)), np.zeros((r, k.N, k.N)), np.zeros((r, k.N, k.N)))
     counts = np.zeros(2, np.int64)
-    k.run(t, w, f, m, x, P, c, out_dt, ot, oq, op, told, hx, hs, nodes, counts)
+    run(t, w, f, m, x, P, c, out_dt, ot, oq, op, told, hx, hs, nodes, counts)
     no, nn = int(counts[0]), int(counts[1])
     if not np.isfinite(x[: k.NOMINAL]).all():
         raise InputError("the filter lost its numbers; the input holds values far outside any vehicle (schuler check)")
@@ -303,7 +310,7 @@ def navigate(tables: Tables, settings: AhrsSettings) -> tuple[Navigation, AhrsRu
 
     Raises InputError where no attitude can be found.
     """
-    from schuler.kernels import ahrs as k
+    from schuler.kernels import ahrs_state as k
 
     notes: list[str] = []
     t, w, f, m = rows_of(tables["imu"])
@@ -324,7 +331,7 @@ def navigate(tables: Tables, settings: AhrsSettings) -> tuple[Navigation, AhrsRu
     if smoother and size > SMOOTHER_BYTES:
         smoother = False
         notes.append(f"no smoother: it would need more than {SMOOTHER_BYTES / 1e9:.0f} GB of memory")
-    found, told, hx, hs, parts, _ = _run(t, w, f, m, settings, out_dt, smoother)
+    found, told, hx, hs, parts, end = _run(t, w, f, m, settings, out_dt, smoother)
     if len(found.time) == 0 or len(told) == 0:
         raise InputError(
             f"the recording of {t[-1] - t[0]:.2g} s is too short for an attitude; it takes 0.3 s at the least"
@@ -346,7 +353,7 @@ def navigate(tables: Tables, settings: AhrsSettings) -> tuple[Navigation, AhrsRu
     navigation.states = _histories(told[:, k.K_T].copy(), hx, hs, smoothed)
     navigation.innovations = _innovations(told)
     relative = not mag and settings.start_heading is None
-    return navigation, AhrsRun(found, later, told, relative)
+    return navigation, AhrsRun(found, later, told, relative, end[k.IRON : k.IRON + 3].copy())
 
 
 def _usable_field(w: Array, m: Array, notes: list[str]) -> Array:
@@ -399,7 +406,7 @@ def _histories(time: Array, hx: Array, hs: Array, smoothed: tuple[Array, Array] 
 
 
 def _innovations(told: Array) -> dict[str, Innovations]:
-    from schuler.kernels import ahrs as k
+    from schuler.kernels import ahrs_state as k
 
     t = told[:, k.K_T]
     u, su = told[:, k.K_U : k.K_U + 2], told[:, k.K_SU : k.K_SU + 2]

@@ -1,18 +1,7 @@
 """Attitude from gyros, accelerometers and, where there is one, a magnetometer: one compiled pass over the rows.
 
-Error state (N = 12), error = estimate - truth, C_hat = (I - [phi x]) C:
-
-    phi (3, n) | gyro bias (3) | accelerometer bias (3) | u north, east (2) | compass error m
-
-u is the horizontal specific force gone through a leaking integrator in n: u' = C f - u / tau, a low-passed specific
-force times tau. Of a body whose velocity is bounded it is a bounded velocity too, whatever the accelerations were; a
-tilt lets it grow without end. "u is zero, with the sigma that u has lately shown" is all that levels the attitude, and
-nothing has to be gated. The magnetometer turns the heading, never the tilt (Schmidt gain); m is the part of its error
-that lasts. Between nodes (c[NODE_S]) a row costs a quaternion product and a few sums; covariance and measurements
-wait for the node.
-
-Sources: error model of Groves (2013), section 14.2; Joseph form, Bucy and Joseph (1968); consider update, Schmidt
-(1966).
+States and their errors: `ahrs_state`. Between nodes a row costs a quaternion product and a few sums; covariance and
+measurements wait for the node.
 """
 
 from __future__ import annotations
@@ -22,180 +11,91 @@ import math
 import numpy as np
 from numba import njit
 
-from .rotation import dcm_from_quat, quat_from_euler, quat_from_rotvec, quat_product, rotate_state_quat, wrap_pi
+from .ahrs_state import (
+    AI,
+    AVAR,
+    BA,
+    BEND,
+    BEND_TAU,
+    BENT,
+    BG,
+    DECLINATION,
+    DIP,
+    E_BG,
+    E_M,
+    E_PHI,
+    E_U,
+    EARTH_D,
+    EARTH_N,
+    FIELD_NOISE,
+    FIELD_TAU,
+    FIND_IRON,
+    FIX_FIELD,
+    GAP_RATE,
+    GAP_S,
+    HARD,
+    HAS_MAG,
+    IRON,
+    K_BENT,
+    K_DIP,
+    K_IRON,
+    K_NORM,
+    K_REST,
+    K_S,
+    K_SU,
+    K_T,
+    K_U,
+    K_USED,
+    K_Y,
+    LAPSE,
+    LEVEL_S,
+    LF,
+    LW,
+    MAG_WHITE,
+    NK,
+    NM,
+    NODE_S,
+    NOMINAL,
+    NORM,
+    NX,
+    PREV,
+    QUAT,
+    RAW,
+    REST,
+    REST_FORCE,
+    REST_RATE,
+    REST_S,
+    REST_STD,
+    REST_TURN,
+    SETTLED,
+    SF,
+    SFB,
+    SIG_U,
+    SM,
+    STATUS,
+    TAU_U,
+    TAU_UC,
+    TAU_VAR,
+    TMAG,
+    TN,
+    TURN,
+    TVAR,
+    UVAR,
+    WVAR,
+    M,
+    N,
+    T,
+    U,
+    clear,
+    correct,
+    level_at_start,
+    predict,
+    update,
+)
+from .hard_iron import LEAST, UNIT, B, look
+from .rotation import dcm_from_quat, quat_from_rotvec, quat_product, rotate_state_quat, wrap_pi
 
-# --- error state (P) ---------------------------------------------------------------------------------------------
-E_PHI, E_BG, E_BA, E_U, E_M = 0, 3, 6, 9, 11
-N = 12
-SETTLED = 0.03  # rad, sigma of a tilt component with which the heading is kept
-
-# --- nominal state and bookkeeping (x) ---------------------------------------------------------------------------
-QUAT, BG, BA, U, M = 0, 4, 7, 10, 12
-NOMINAL = 13
-T, TN = 13, 14  # time of the last row, of the last node
-AI, SF, SM, NM = 15, 24, 27, 30  # since the node: integral of C dt (9), of C f dt (3), sum of C m (3), rows with m
-TURN = 31  # since the node: integral of w dt (3)
-PREV = 34  # rotation vector of the last row (3)
-UVAR, TVAR = 37, 38  # variance of u as shown lately, and for how long it has been watched
-NORM, DIP, TMAG = 39, 40, 41  # the field as learnt: size, dip angle, for how long
-LW, LF, REST = 42, 45, 48  # low-passed rate (3) and specific force (3) in b; how long at rest
-STATUS = 49  # 0: nothing yet, 1: level, 2: heading found too, 3: the tilt known well enough to keep it
-BENT = 50  # variance of the heading that the field's disturbance gives, low-passed
-SFB = 51  # since the start: integral of f dt (3) and time, until level
-LAPSE, WVAR, AVAR = 55, 56, 57  # rows missing since the node; mean square rate, and acceleration, of the last seconds
-NX = 58
-
-# --- configuration (c) -------------------------------------------------------------------------------------------
-NODE_S, ARW, Q_BG, VRW, Q_BA, SCALE = range(6)
-TAU_U, SIG_U, TAU_UC, TAU_VAR = range(6, 10)
-HAS_MAG, MAG_WHITE, MAG_STD, MAG_TAU, BEND, BEND_TAU, DECLINATION, FIELD_TAU, FIELD_NOISE, FIX_FIELD = range(10, 20)
-REST_RATE, REST_FORCE, REST_S, REST_STD, REST_TURN = range(20, 25)
-GAP_S, GAP_RATE, LEVEL_S, STD_TILT, STD_HEAD, ROLL0, PITCH0, HEAD0 = range(25, 33)
-EARTH_N, EARTH_D = 33, 34
-NC = 35
-
-# --- what a node tells (one row) ---------------------------------------------------------------------------------
-# time; innovation of u (2), its sigma (2); of the heading, its sigma (NaN: no field), 1 where taken at full weight;
-# sigma of the heading by disturbance; size and dip of the field; 1 at rest
-K_T, K_U, K_SU, K_Y, K_S, K_USED, K_BENT, K_NORM, K_DIP, K_REST = 0, 1, 3, 5, 6, 7, 8, 9, 10, 11
-NK = 12
-
-
-@njit(cache=True, error_model="numpy")
-def predict(x, P, Phi, c, dt):
-    """Covariance, and the compass error itself, over dt since the last node; Phi (N, N) is what it went through."""
-    lost = math.exp(-dt / c[TAU_U])
-    kept = math.exp(-dt / c[MAG_TAU])
-    x[M] *= kept
-    for i in range(N):
-        for j in range(N):
-            Phi[i, j] = 0.0
-        Phi[i, i] = 1.0
-    sx, sy, sz = x[SF], x[SF + 1], x[SF + 2]
-    for j in range(3):
-        a0, a1, a2 = x[AI + j], x[AI + 3 + j], x[AI + 6 + j]
-        Phi[0, E_BG + j] = a0
-        Phi[1, E_BG + j] = a1
-        Phi[2, E_BG + j] = a2
-        Phi[E_U, E_BG + j] = 0.5 * (sy * a2 - sz * a1)
-        Phi[E_U + 1, E_BG + j] = 0.5 * (sz * a0 - sx * a2)
-        Phi[E_U, E_BA + j] = -a0
-        Phi[E_U + 1, E_BA + j] = -a1
-    Phi[E_U, 1], Phi[E_U, 2] = -sz, sy
-    Phi[E_U + 1, 0], Phi[E_U + 1, 2] = sz, -sx
-    Phi[E_U, E_U] = lost
-    Phi[E_U + 1, E_U + 1] = lost
-    Phi[E_M, E_M] = kept
-    if x[LAPSE] > 0.5:  # u began anew
-        for i in range(N):
-            Phi[i, E_U] = 0.0
-            Phi[i, E_U + 1] = 0.0
-    # rows of Phi P, top down: each row reads only rows below it or itself
-    for j in range(N):
-        p0, p1, p2 = P[0, j], P[1, j], P[2, j]
-        u0 = lost * P[E_U, j] + Phi[E_U, 1] * p1 + Phi[E_U, 2] * p2
-        u1 = lost * P[E_U + 1, j] + Phi[E_U + 1, 0] * p0 + Phi[E_U + 1, 2] * p2
-        for k in range(3):
-            g, a = P[E_BG + k, j], P[E_BA + k, j]
-            p0 += Phi[0, E_BG + k] * g
-            p1 += Phi[1, E_BG + k] * g
-            p2 += Phi[2, E_BG + k] * g
-            u0 += Phi[E_U, E_BG + k] * g + Phi[E_U, E_BA + k] * a
-            u1 += Phi[E_U + 1, E_BG + k] * g + Phi[E_U + 1, E_BA + k] * a
-        P[0, j], P[1, j], P[2, j] = p0, p1, p2
-        P[E_U, j], P[E_U + 1, j] = u0, u1
-        P[E_M, j] *= kept
-    for i in range(N):
-        p0, p1, p2 = P[i, 0], P[i, 1], P[i, 2]
-        u0 = lost * P[i, E_U] + Phi[E_U, 1] * p1 + Phi[E_U, 2] * p2
-        u1 = lost * P[i, E_U + 1] + Phi[E_U + 1, 0] * p0 + Phi[E_U + 1, 2] * p2
-        for k in range(3):
-            g, a = P[i, E_BG + k], P[i, E_BA + k]
-            p0 += Phi[0, E_BG + k] * g
-            p1 += Phi[1, E_BG + k] * g
-            p2 += Phi[2, E_BG + k] * g
-            u0 += Phi[E_U, E_BG + k] * g + Phi[E_U, E_BA + k] * a
-            u1 += Phi[E_U + 1, E_BG + k] * g + Phi[E_U + 1, E_BA + k] * a
-        P[i, 0], P[i, 1], P[i, 2] = p0, p1, p2
-        P[i, E_U], P[i, E_U + 1] = u0, u1
-        P[i, E_M] *= kept
-    turned = x[TURN] * x[TURN] + x[TURN + 1] * x[TURN + 1] + x[TURN + 2] * x[TURN + 2]
-    q = c[ARW] * c[ARW] * dt + c[SCALE] * c[SCALE] * turned
-    for i in range(3):
-        P[i, i] += q
-        P[E_BG + i, E_BG + i] += c[Q_BG] * c[Q_BG] * dt
-        P[E_BA + i, E_BA + i] += c[Q_BA] * c[Q_BA] * dt
-    P[E_U, E_U] += c[VRW] * c[VRW] * dt
-    P[E_U + 1, E_U + 1] += c[VRW] * c[VRW] * dt
-    P[E_M, E_M] += c[MAG_STD] * c[MAG_STD] * (1.0 - kept * kept)
-
-
-@njit(cache=True, error_model="numpy")
-def update(P, d, h, y, R, heading_only, work):
-    """One scalar measurement y = h e + noise of variance R; d (N) gathers the errors found.
-
-    heading_only : the gain on tilt, accelerometer bias and u is zero (Joseph form: valid for any gain). work (2, N).
-    """
-    ch, K = work[0], work[1]
-    S = R
-    for i in range(N):
-        v = 0.0
-        for j in range(N):
-            v += P[i, j] * h[j]
-        ch[i] = v
-    left = y
-    for i in range(N):
-        S += h[i] * ch[i]
-        left -= h[i] * d[i]
-    for i in range(N):
-        K[i] = ch[i] / S
-    if heading_only:
-        K[0] = 0.0
-        K[1] = 0.0
-        for i in range(E_BA, E_M):
-            K[i] = 0.0
-    for i in range(N):
-        d[i] += K[i] * left
-        for j in range(i + 1):
-            v = 0.5 * (P[i, j] + P[j, i]) - K[i] * ch[j] - ch[i] * K[j] + K[i] * K[j] * S
-            P[i, j] = v
-            P[j, i] = v
-
-
-@njit(cache=True, error_model="numpy")
-def correct(x, d):
-    """Takes the errors d (N) out of the nominal state."""
-    rotate_state_quat(x, QUAT, d[0], d[1], d[2])
-    for i in range(E_BG, N):
-        x[i + 1] -= d[i]
-
-
-@njit(cache=True, error_model="numpy")
-def level_at_start(x, P, c):
-    """Roll and pitch from the mean specific force so far, heading as given or zero."""
-    fx, fy, fz = x[SFB], x[SFB + 1], x[SFB + 2]
-    size = math.sqrt(fx * fx + fy * fy + fz * fz)
-    if not size > 0.0:
-        return
-    roll = math.atan2(-fy, -fz)
-    pitch = math.atan2(fx, math.sqrt(fy * fy + fz * fz))
-    if c[ROLL0] == c[ROLL0]:
-        roll = c[ROLL0]
-    if c[PITCH0] == c[PITCH0]:
-        pitch = c[PITCH0]
-    head = c[HEAD0] if c[HEAD0] == c[HEAD0] else 0.0
-    x[QUAT], x[QUAT + 1], x[QUAT + 2], x[QUAT + 3] = quat_from_euler(roll, pitch, head)
-    P[0, 0] = P[1, 1] = c[STD_TILT] * c[STD_TILT]
-    P[2, 2] = c[STD_HEAD] * c[STD_HEAD]
-    P[E_U, E_U] = P[E_U + 1, E_U + 1] = x[UVAR]  # u is moving already
-    x[STATUS] = 3.0 if c[HEAD0] == c[HEAD0] else 1.0
-
-
-@njit(cache=True, error_model="numpy")
-def clear(x):
-    """Starts the sums of a new node."""
-    for i in range(AI, PREV):
-        x[i] = 0.0
+WORK = 8  # rows of the work array
 
 
 @njit(cache=True, error_model="numpy")
@@ -286,6 +186,24 @@ def measure_field(x, P, c, d, h, told, work):
 
 
 @njit(cache=True, error_model="numpy")
+def take_off_iron(x, A):
+    """Looks at the field in b for a hard iron; where one is found that is new, the heading is found anew without it."""
+    found = x[HARD:NX]
+    if not look(found, A, x[RAW], x[RAW + 1], x[RAW + 2]):
+        return
+    change2 = 0.0
+    for i in range(3):
+        change = found[B + i] - x[IRON + i]
+        change2 += change * change
+        x[IRON + i] = found[B + i]
+    x[NM] = 0.0  # what has been gathered still holds the old one
+    if change2 > LEAST * LEAST * found[UNIT] * found[UNIT]:
+        x[TMAG] = 0.0
+        x[BENT] = 0.0
+        x[STATUS] = 2.0
+
+
+@njit(cache=True, error_model="numpy")
 def resting(x, P, c):
     """Still for long enough, and turning no faster than the bias may explain."""
     if x[REST] < c[REST_S]:
@@ -339,11 +257,14 @@ def node(x, P, c, told, Phi, xm, Pm, work):
             update(P, d, h, x[TURN + i] / dt - x[BG + i], R, False, work)
             h[E_BG + i] = 0.0
     correct(x, d)
+    if c[FIND_IRON] > 0.5 and x[NM] > 0.5:
+        take_off_iron(x, work[4:8])
     if c[HAS_MAG] > 0.5 and x[NM] > 0.5:
         for i in range(N):
             d[i] = 0.0
         measure_field(x, P, c, d, h, told, work)
         correct(x, d)
+    told[K_IRON] = math.sqrt(x[IRON] * x[IRON] + x[IRON + 1] * x[IRON + 1] + x[IRON + 2] * x[IRON + 2])
     x[TN] = x[T]
     x[LAPSE] = 0.0
     clear(x)
@@ -440,6 +361,8 @@ def step(x, P, c, t, wx, wy, wz, fx, fy, fz, mx, my, mz, told, Phi, xm, Pm, work
     x[U + 1] = x[U + 1] * leak + fe * dt
     if c[HAS_MAG] > 0.5 and mx * mx + my * my + mz * mz > 0.0:  # false for NaN
         # the field is of the row's end: half a row further than C above
+        x[RAW], x[RAW + 1], x[RAW + 2] = mx, my, mz
+        mx, my, mz = mx - x[IRON], my - x[IRON + 1], mz - x[IRON + 2]
         c00, c01, c02, c10, c11, c12, c20, c21, c22 = dcm_from_quat(q0, q1, q2, q3)
         x[SM] += c00 * mx + c01 * my + c02 * mz
         x[SM + 1] += c10 * mx + c11 * my + c12 * mz
@@ -464,7 +387,7 @@ def run(time, w, f, m, x, P, c, out_dt, ot, oq, op, told, hx, hs, nodes, counts)
     Phi = np.zeros((N, N))
     Pm = np.zeros((N, N))
     xm = np.zeros(NOMINAL)
-    work = np.zeros((4, N))
+    work = np.zeros((WORK, N))
     has = m.shape[0] > 0
     keep = nx.shape[0] > 0
     enough = 1.5 if c[HAS_MAG] > 0.5 else 0.5

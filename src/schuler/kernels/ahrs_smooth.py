@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-from .ahrs import E_BG, N, correct
+from .ahrs_state import E_BG, N, correct
 from .rotation import quat_from_rotvec, quat_product, rotvec_from_quat
 
 TINY = 1e-10

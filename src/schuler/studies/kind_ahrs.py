@@ -119,33 +119,45 @@ def field_notes(study: Study, found: AhrsRun, has_mag: bool, lat: float | None) 
     """A field that swings as the body turns, or that points up where it should not."""
     if not has_mag:
         return []
-    from schuler.kernels import ahrs as k
+    from schuler.kernels import ahrs_state as k
 
-    seen = found.nodes[:, k.K_NORM] > 0.0
+    iron = found.nodes[:, k.K_IRON]
+    notes = []
+    if iron[-1] > 0.0:
+        x, y, z = (f"{v * 1e6:.1f}" for v in found.hard_iron)
+        since = float(found.nodes[np.argmax(iron > 0.0), k.K_T] - found.nodes[0, k.K_T])
+        notes.append(
+            f"the magnetometer carries a hard iron of {x}, {y}, {z} uT (x, y, z in body axes), found {since:.0f} s "
+            "after the start and taken off from there on; the heading before that is the smoother's, not the filter's"
+        )
+    seen = (found.nodes[:, k.K_NORM] > 0.0) & ((iron > 0.0) | (iron[-1] == 0.0))
     size, dip = found.nodes[seen, k.K_NORM], found.nodes[seen, k.K_DIP]
     if len(size) < 20:
-        return []
+        return notes
     middle, typical = float(np.median(dip)), float(np.median(size))
     swing = float(np.median(np.abs(size / typical - 1.0)) * 1.48)
     dips = float(np.median(np.abs(dip - middle)) * 1.48)
     if swing < SWING_SIZE and dips > SWING_DIP:
         return [
+            *notes,
             f"the magnetic field keeps its size ({typical * 1e6:.0f} uT) but its dip swings by {dips / DEG:.0f} deg as "
             "the body turns: the magnetometer's axes are probably not those of the gyros; turn or change the sign of "
-            "mag_x, mag_y, mag_z until it is steady"
+            "mag_x, mag_y, mag_z until it is steady",
         ]
     if swing > SWING_SIZE:
         return [
+            *notes,
             f"the size of the magnetic field swings by {100.0 * swing:.0f} % around {typical * 1e6:.0f} uT: it is "
-            "disturbed, or the magnetometer is not calibrated (hard iron); the heading is only as good as that"
+            "disturbed, or the magnetometer is not calibrated (hard iron); the heading is only as good as that",
         ]
     if middle < UPWARD and (lat is None or lat > 10.0 * DEG):
         where = "that is so south of the magnetic equator only" if lat is None else "so far north it points down"
         return [
+            *notes,
             f"the magnetic field points up, by {-middle / DEG:.0f} deg: {where}; elsewhere the magnetometer's z axis "
-            "is the wrong way round (or all three are)"
+            "is the wrong way round (or all three are)",
         ]
-    return []
+    return notes
 
 
 def upside_down(study: Study, found: AhrsRun) -> list[str]:
@@ -170,7 +182,7 @@ def judge(a: Attitude | None, inputs: Inputs, relative: bool) -> AttitudeErrors 
 
 def distrusted(found: AhrsRun, mag_std: float) -> list[tuple[float, float]]:
     """Stretches (from, to, s) in which the field was believed less than usual; gaps under 1 s are closed."""
-    from schuler.kernels import ahrs as k
+    from schuler.kernels import ahrs_state as k
 
     n = found.nodes
     bad = np.isfinite(n[:, k.K_S]) & ((n[:, k.K_BENT] > DISTRUST * mag_std) | (n[:, k.K_USED] < 0.5))
@@ -243,7 +255,7 @@ def judged(
 
 
 def _column(name: str) -> int:
-    from schuler.kernels import ahrs as k
+    from schuler.kernels import ahrs_state as k
 
     return int(getattr(k, name))
 
@@ -274,6 +286,7 @@ def _field(details: AhrsDetails, has_mag: bool) -> dict[str, Any] | None:
     return {
         "size_uT": float(np.median(seen[:, _column("K_NORM")]) * 1e6) if len(seen) else None,
         "dip_deg": float(np.median(seen[:, _column("K_DIP")]) / DEG) if len(seen) else None,
+        "hard_iron_uT": [float(v * 1e6) for v in details.run.hard_iron] if details.run.hard_iron.any() else None,
         "distrusted_share": min(lost / span, 1.0),
         "distrusted": [{"start_s": a, "end_s": b} for a, b in details.distrusted],
     }

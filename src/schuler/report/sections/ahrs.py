@@ -154,7 +154,7 @@ def _broken(angle: Array, i: int) -> Array:
 
 def magnetometer(view: View) -> Section | None:
     """Size and dip of the field, what they say of its disturbance, and when it was distrusted."""
-    from schuler.kernels import ahrs as k
+    from schuler.kernels import ahrs_state as k
 
     told = view.summary["magnetometer"]
     nodes = view.result.details.run.nodes

@@ -15,6 +15,7 @@ from schuler.report.sections import consistency
 from schuler.report.view import View
 
 Array = NDArray[np.float64]
+MODEST = 0.25  # NEES below which a sigma is twice the error or more
 _BAND = "Bands: ± 3 sigma as the filter (or the smoother) states it."
 
 
@@ -52,7 +53,9 @@ def opening(view: View) -> Opening:
         )
         if inside is not None:
             verdict += f"; {number(100.0 * inside, 3)} % of the errors lie inside the filter's 3 sigma: "
-            verdict += "consistent." if good else "not consistent, the sigma is too small."
+            modest = (c["nees_attitude"] or 1.0) < MODEST
+            verdict += "consistent" if good else "not consistent, the sigma is too small"
+            verdict += ", and the sigma is larger than it need be." if good and modest else "."
         else:
             verdict += "."
         tiles = [

@@ -218,6 +218,12 @@ def advance(x, P, S, dec, qd, beta, q, ie, c, dx, t1, gap, work, keep):
         sl = math.sin(x[LAT])
         r0, r2 = wn + OMEGA * x[CLAT], wd - OMEGA * sl
         m0, m1, m2 = v0 + 0.5 * t0, v1 + 0.5 * t1_, v2 + 0.5 * (t2 + grav * dt)
+        # and the transport rate of that velocity: that of the start would tilt n by dt dv/(2 R) in every turn
+        y1 = (m1 - v1) / x[RE]
+        y0, y2 = -(m0 - v0) / x[RN], -y1 * sl / x[CLAT]
+        we += y0
+        r0, r2 = r0 + y1, r2 + y2
+        z0, z1, z2 = z0 + y1 * dt, z1 + y0 * dt, z2 + y2 * dt
         d0 = t0 - dt * (we * m2 - r2 * m1)
         d1 = t1_ - dt * (r2 * m0 - r0 * m2)
         d2 = t2 + grav * dt - dt * (r0 * m1 - we * m0)

@@ -134,7 +134,7 @@ def settled(tables: Tables, settings: AidedSettings) -> tuple[AidedSettings, lis
     settings = replace(settings, gnss_correlated_std=slow_sigma(gnss, settings))
     delayed = False
     if gnss is not None and "imu" in tables:
-        lag, apart = stamp_lag(imu_rows(tables["imu"]), gnss), velocity_lag(gnss)
+        lag, apart = stamp_lag(imu_rows(tables["imu"]), gnss, _nose(tables, settings)), velocity_lag(gnss)
         if lag is not None and abs(lag[0] - settings.gnss_delay) > max(0.02, 4.0 * lag[1]):
             delayed = True
             notes.append(
@@ -147,10 +147,20 @@ def settled(tables: Tables, settings: AidedSettings) -> tuple[AidedSettings, lis
                 f"the receiver's velocity lags its position by {apart[0]:.3f} s (1 sigma {apart[1]:.3f} s): both "
                 "delays are estimated"
             )
+    if delayed and settings.gnss_delay == 0.0:
+        # where the estimate begins; a delay below 0 also says when such a fix is taken
+        v = lag[0] if lag is not None and abs(lag[0]) > 4.0 * lag[1] else 0.0
+        d = apart[0] if apart is not None and abs(apart[0]) > 4.0 * apart[1] else 0.0
+        settings = replace(settings, gnss_delay=v - d, gnss_velocity_delay=v)
     names = chosen(settings, sensors_present(tables), delayed=delayed)
     if "gnss_bias" not in names:
         settings = replace(settings, gnss_correlated_std=0.0)
     return replace(settings, estimate=names), notes
+
+
+def _nose(tables: Tables, s: AidedSettings) -> bool:
+    """Whether the vehicle goes where its x axis points."""
+    return "nhc" in s.constraints or ("speed" in tables and s.speed_is == "ground")
 
 
 def _standing(rows: Array, gnss: Table | None, wheels: Table | None, s: AidedSettings) -> NDArray[np.bool_]:

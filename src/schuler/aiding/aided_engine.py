@@ -114,9 +114,9 @@ class Engine:
         p = k.PAR
         for slot, arm in ((k.ANT, s.antenna), (k.DVL, s.dvl_arm), (k.SPD, s.speed_arm)):
             x[p + slot : p + slot + 3] = arm
-        x[p + k.TG] = x[p + k.TV] = s.gnss_delay
+        x[p + k.TG], x[p + k.TV] = s.gnss_delay, s.velocity_delay
         x[p + k.DB] = start.height if "depth_bias" in lay.names else 0.0  # at the surface; the first depths tell
-        x[k.T] = x[k.TROW] = x[k.TNODE] = x[k.TNHC] = x[k.TSTILL] = x[k.TOLD] = start.time
+        x[k.T] = x[k.TROW] = x[k.TNODE] = x[k.TNHC] = x[k.TSTILL] = x[k.TOLD] = x[k.TSEEN] = start.time
         x[k.BADH] = x[k.BADV] = x[k.BADS] = -1e300
         x[k.NEXT] = start.time
         x[k.ROWS] = 0.0

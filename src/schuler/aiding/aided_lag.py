@@ -14,8 +14,10 @@ Array = NDArray[np.float64]
 STEP = 0.02  # s, of the lags tried
 
 
-def stamp_lag(rows: Array, gnss: Table | None) -> tuple[float, float] | None:
+def stamp_lag(rows: Array, gnss: Table | None, nose: bool = False) -> tuple[float, float] | None:
     """(lag, 1 sigma) s of the fixes' stamps behind the IMU's, from turns: heading by gyros against the course.
+
+    nose: the vehicle goes where its x axis points; then its speeding up and braking tell too.
 
     Positive: a fix stamped t belongs to t - lag. None where there is too little turning at speed to tell.
     """
@@ -35,28 +37,49 @@ def stamp_lag(rows: Array, gnss: Table | None) -> tuple[float, float] | None:
     mean = (total[last] - total[first]) / (last - first)[:, None]
     down = -mean / np.linalg.norm(mean, axis=1, keepdims=True)
     yaw = np.cumsum((rows[:, 1:4] * down).sum(axis=1) * dt)
-    return _lag(t, yaw, gnss.time[fast], np.arctan2(v[fast, 1], v[fast, 0]))
+    turns = _lag(t, yaw, gnss.time[fast], np.arctan2(v[fast, 1], v[fast, 0]), 0.3)
+    if not nose:
+        return turns
+    moving = np.isfinite(speed) & (speed > 1.0)
+    push = _lag(t, np.cumsum(rows[:, 4] * dt), gnss.time[moving], speed[moving], 1.5)
+    if turns is None or (push is not None and push[1] < turns[1]):
+        return push
+    return turns
 
 
-def _lag(t: Array, yaw: Array, when: Array, course: Array) -> tuple[float, float] | None:
-    """Least squares over one-to-three-second changes of course against changes of gyro heading, by lag."""
+def _lag(t: Array, yaw: Array, when: Array, course: Array, most: float) -> tuple[float, float] | None:
+    """Least squares of the changes of course (or speed) between fixes against those of the IMU's integral, by lag.
+
+    most: residuals count at most so much.
+    """
     i = np.arange(len(when) - 1)
     step = np.diff(when)
     good = (step > 0.05) & (step < 1.6) & (when[:-1] > t[0] + 1.5) & (when[1:] < t[-1] - 1.5)
     i = i[good]
     if len(i) < 20:
         return None
-    dc = wrap_pi(course[i + 1] - course[i]) / step[i]
+    dc = wrap_pi(course[i + 1] - course[i]) / step[i]  # a speed changes by less than pi too
     lags = np.arange(-0.6, 1.2001, STEP)
     loss = np.empty(len(lags))
     for k, lag in enumerate(lags):
         dy = (np.interp(when[i + 1] - lag, t, yaw) - np.interp(when[i] - lag, t, yaw)) / step[i]
         e = dc - dy
-        e = e - np.median(e)
-        loss[k] = float(np.mean(np.minimum(np.abs(e), 0.3) ** 2))
+        e = e - _slow(e, when[i])
+        loss[k] = float(np.mean(np.minimum(np.abs(e), most) ** 2))
     rate = 1.0 / float(np.median(step[i]))
     # neighbouring courses err together
     return _best(lags, loss, len(i) / max(1.0, rate))
+
+
+def _slow(e: Array, when: Array) -> Array:
+    """The slow part of residuals: bias, and gravity's share of a slope; means over eight seconds."""
+    width = max(3, round(8.0 / max(float(np.median(np.diff(when))), 1e-3)))
+    if len(e) < 2 * width:
+        return np.full(len(e), np.median(e))
+    total = np.concatenate([[0.0], np.cumsum(e)])
+    at = np.arange(len(e))
+    lo, hi = np.maximum(at - width // 2, 0), np.minimum(at + width // 2 + 1, len(e))
+    return np.asarray((total[hi] - total[lo]) / (hi - lo))
 
 
 def _best(lags: Array, loss: Array, count: float) -> tuple[float, float] | None:

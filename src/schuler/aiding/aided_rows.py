@@ -102,12 +102,15 @@ def events_of(tables: Tables, s: AidedSettings) -> Events:
     parts: list[tuple[Array, int, Array]] = []
     notes: list[str] = []
 
+    late, v_late = s.ahead
+    shift = {k.POSITION: late, k.VELOCITY: v_late, k.COURSE: v_late}
+
     def add(kind: int, table: Table, values: list[Array | float], keep: NDArray[np.bool_] | None = None) -> None:
         good = np.ones(len(table), dtype=bool) if keep is None else keep
         z = np.full((int(good.sum()), ZW), np.nan)
         for i, v in enumerate(values):
             z[:, i] = v[good] if isinstance(v, np.ndarray) else v
-        parts.append((table.time[good], kind, z))
+        parts.append((table.time[good] + shift.get(kind, 0.0), kind, z))
 
     nan = float("nan")
     if "gnss" in tables:

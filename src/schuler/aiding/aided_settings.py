@@ -67,6 +67,7 @@ class AidedSettings:
     gnss_correlated_std: float = 2.0
     gnss_correlated_tau: float = 100.0
     gnss_delay: float = 0.0
+    gnss_velocity_delay: float | None = None  # None: that of the fixes
     gnss_delay_std: float = 0.1
     delay_walk: float = 1e-3  # s/sqrt(s)
     antenna_std: float = 0.3
@@ -129,6 +130,15 @@ class AidedSettings:
     node_interval: float = 0.2
     smoother: bool = True
     output_rate: float | None = 10.0  # Hz; inf: every row
+
+    @property
+    def velocity_delay(self) -> float:
+        return self.gnss_delay if self.gnss_velocity_delay is None else self.gnss_velocity_delay
+
+    @property
+    def ahead(self) -> tuple[float, float]:
+        """How much later than their stamps fixes and GNSS velocities are taken: they belong to later moments."""
+        return max(0.0, -self.gnss_delay), max(0.0, -self.velocity_delay)
 
     @property
     def out_dt(self) -> float:
@@ -274,6 +284,7 @@ def configuration(s: AidedSettings, interval: float) -> Array:
     c[k.RELATIVE] = float(s.speed_is != "ground")
     c[k.DECL], c[k.MAG_STD] = s.declination, s.mag_std
     c[k.NODE_DT] = s.node_interval
+    c[k.AHEAD], c[k.V_AHEAD] = s.ahead
     c[k.C_CB : k.C_CB + 9] = np.eye(3).ravel()
     if s.camera is not None:
         c[k.FOCAL], c[k.U0], c[k.V0] = s.camera.focal, s.camera.u0, s.camera.v0

@@ -11,6 +11,7 @@ WINDOW_S = 0.6
 GYRO_QUIET = 0.02  # rad/s, 1 sigma of a sample over the window
 ACCEL_QUIET = 0.35  # m/s^2
 TURN = 0.02  # rad/s off the bias
+PUSH = 0.2  # m/s^2: moving off
 APART = 1.5  # how much louder motion must be than rest, else only fixes and wheels tell standing
 SLOW = 0.3  # m/s, of a fix's velocity
 RESTING = 0.15  # m/s, where the ear is no witness
@@ -41,7 +42,7 @@ def standing(rows: Array, fix_time: Array | None = None, fix_speed: Array | None
     width = max(4, round(WINDOW_S / interval))
     centred = rows[:, 1:4] - np.median(rows[:, 1:4], axis=0), rows[:, 4:7] - np.median(rows[:, 4:7], axis=0)
     mean_w, std_w = _running(centred[0], width)
-    _, std_f = _running(centred[1], width)
+    mean_f, std_f = _running(centred[1], width)
     hum = np.column_stack([np.linalg.norm(std_w, axis=1), np.linalg.norm(std_f, axis=1)])
     limits = np.array([GYRO_QUIET, ACCEL_QUIET])
     slow = np.ones(n, dtype=bool)
@@ -73,4 +74,15 @@ def standing(rows: Array, fix_time: Array | None = None, fix_speed: Array | None
         bias = np.median(mean_w[quiet], axis=0)
         quiet &= np.linalg.norm(mean_w - bias, axis=1) < TURN
     quiet[:width] = False
-    return quiet
+    return _until_pushed(quiet, mean_f)
+
+
+def _until_pushed(quiet: NDArray[np.bool_], force: Array) -> NDArray[np.bool_]:
+    """Standing ends with the first push: mean force off that of the stretch's begin by more than PUSH."""
+    begin = np.flatnonzero(quiet & ~np.concatenate([[False], quiet[:-1]]))
+    if not len(begin):
+        return quiet
+    run = np.clip(np.searchsorted(begin, np.arange(len(quiet)), side="right") - 1, 0, None)
+    pushed = quiet & (np.linalg.norm(force - force[begin[run]], axis=1) > PUSH)
+    count = np.cumsum(pushed)
+    return np.asarray(quiet & (count - count[begin[run]] == 0))

@@ -14,6 +14,7 @@ from numba import njit
 
 from .aided_state import (
     ACC,
+    AHEAD,
     ANT,
     BG,
     CLAT,
@@ -151,12 +152,13 @@ def offset_ned(x, lat, lon, h):
 
 
 @njit(cache=True, error_model="numpy")
-def position(x, ie, look, z, rows, H, r):
+def position(x, ie, c, look, z, rows, H, r):
     """A fix of the antenna, lat, lon rad, height m: rows 0, 1 level; 2 down. rows: 2 level only, 1 down only, 3 both.
 
-    down is taken when rows is 1 or 3. Returns the number of rows filled (level first).
+    down is taken when rows is 1 or 3. A fix that belongs to a later moment than its stamp comes AHEAD s later. Returns
+    the number of rows filled (level first).
     """
-    tau = x[PAR + TG]
+    tau = x[PAR + TG] + c[AHEAD]
     c00, c01, c02, c10, c11, c12, c20, c21, c22 = dcm_from_quat(look[6], look[7], look[8], look[9])
     l0, l1, l2 = x[PAR + ANT], x[PAR + ANT + 1], x[PAR + ANT + 2]
     ln, le, ld = c00 * l0 + c01 * l1 + c02 * l2, c10 * l0 + c11 * l1 + c12 * l2, c20 * l0 + c21 * l1 + c22 * l2

@@ -52,6 +52,7 @@ from .aided_measure import (
 from .aided_optics import lidar_point, lidar_terrain, sighting
 from .aided_propagate import advance, begin_row, end_row
 from .aided_state import (
+    AHEAD,
     BADH,
     BADS,
     BADV,
@@ -77,8 +78,10 @@ from .aided_state import (
     TOLD,
     TROW,
     TS,
+    TSEEN,
     TSTILL,
     TV,
+    V_AHEAD,
     VEL,
     WMEAN,
     ZARU,
@@ -115,10 +118,10 @@ def measure(x, P, ie, c, dx, ring, world, kind, z, H, r, R, out):
     look = np.empty(LOOK)
     g0 = g1 = 0.0
     if kind == POSITION:
-        look_back(x, ring, x[PAR + TG], look)
+        look_back(x, ring, x[PAR + TG] + c[AHEAD], look)
         rows = 2 if math.isnan(z[2]) else 3
         if rows == 2 or not (math.isnan(z[0])):
-            m = position(x, ie, look, z, rows, H, r)
+            m = position(x, ie, c, look, z, rows, H, r)
             R[0], R[1], R[2] = z[3] * z[3], z[4] * z[4], z[5] * z[5]
             g0 = take(x, P, ie, c, dx, H, r, R, 0, 2, POSITION, BADH, out[0])
             if out[0, 8] > 0.0:
@@ -130,14 +133,15 @@ def measure(x, P, ie, c, dx, ring, world, kind, z, H, r, R, out):
                         r[a] = 0.0
                         for j in range(n):
                             H[a, j] = 0.0
-                    position(x, ie, look, z, 3, H, r)
+                    position(x, ie, c, look, z, 3, H, r)
                 g1 = take(x, P, ie, c, dx, H, r, R, 2, 1, HEIGHT_FIX, BADV, out[1])
         else:
-            position(x, ie, look, z, 1, H, r)
+            position(x, ie, c, look, z, 1, H, r)
             R[0] = z[5] * z[5]
             g1 = take(x, P, ie, c, dx, H, r, R, 0, 1, HEIGHT_FIX, BADV, out[1])
+        x[TSEEN] = x[T]
     elif kind == VELOCITY:
-        look_back(x, ring, x[PAR + TV], look)
+        look_back(x, ring, x[PAR + TV] + c[V_AHEAD], look)
         velocity(x, ie, look, z, H, r)
         R[0], R[1], R[2] = z[3] * z[3], z[4] * z[4], z[5] * z[5]
         take(x, P, ie, c, dx, H, r, R, 0, 2, VELOCITY, BADS, out[0])
@@ -150,7 +154,7 @@ def measure(x, P, ie, c, dx, ring, world, kind, z, H, r, R, out):
                 velocity(x, ie, look, z, H, r)
             take(x, P, ie, c, dx, H, r, R, 2, 1, DOWN_VELOCITY, -1, out[1])
     elif kind == COURSE:
-        look_back(x, ring, x[PAR + TV], look)
+        look_back(x, ring, x[PAR + TV] + c[V_AHEAD], look)
         course(x, ie, look, z, H, r)
         R[0] = z[3] * z[3]
         take(x, P, ie, c, dx, H, r, R, 0, 1, COURSE, -1, out[0])

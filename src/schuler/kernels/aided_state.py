@@ -54,7 +54,8 @@ COUNTH = NOMINAL + 48  # fixes refused in a row
 HARD = NOMINAL + 49  # wild measurements in a row, of each kind (kernels.aided_measure)
 NEXT = NOMINAL + 69  # when the next row of the solution is due
 WMEAN = NOMINAL + 70  # mean measured rate of the last tenths of a second
-NX = NOMINAL + 73
+TSEEN = NOMINAL + 73  # last fix that came, believed or not
+NX = NOMINAL + 74
 KEPT = NOMINAL + 20  # what a node keeps of x: the nominal state and the Earth at it
 
 PHI, DV, DR, NAV = 0, 3, 6, 9  # error state
@@ -75,7 +76,8 @@ T0 = 43
 SWAY_Y, SWAY_Z = 44, 45  # constraint: angles that a body on springs and tyres yaws and pitches by, rad
 LID, REACH, DIVERGENCE, GROUND = 46, 49, 50, 51  # lidar: arm (3), how far it sees, angle of its beam; sigma of ground
 HELD = 52  # height and v_down: 0 free, 1 held and out of the error state, 2 held, zeroed in the estimate only
-NC = 53
+AHEAD, V_AHEAD = 53, 54  # by how much fixes and GNSS velocities were put later than their stamps (delays below 0)
+NC = 55
 
 RING = 1024
 RING_W = 14  # time, displacement (3), velocity integral (3), quaternion (4), rate (3)

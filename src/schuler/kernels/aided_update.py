@@ -13,11 +13,12 @@ import numpy as np
 from numba import njit
 
 from .aided_measure import VELOCITY
-from .aided_state import DISTRUST_S, DR, DV, EARLY_S, GATE, HARD, HELD, OPEN_LOOP, T0, T, correct
+from .aided_state import DISTRUST_S, DR, DV, EARLY_S, GATE, HARD, HELD, OPEN_LOOP, T0, TSEEN, T, correct
 
 LIMIT1, LIMIT2, LIMIT3 = 10.83, 13.82, 16.27  # chi-square 99.9 % of 1, 2, 3 degrees of freedom
 HARD_RATIO = 25.0  # five times the bound of an innovation
 WILD_MOST = 5.0  # wild rows in a row of a sensor that is no fix, after which it is taken with bounded pull again
+ALONE_S = 5.0  # after so long without fixes the filter's sigma is doubted before a fix is
 YOUNG_S = 60.0  # a filter younger than this knows less than it says
 INNOVATION = 10  # value (3), sigma (3), nis, degrees of freedom, weight (0 refused, 1 full), how it was taken
 TAKEN, WEAKENED, REFUSED, FORCED = 1.0, 2.0, 0.0, 3.0
@@ -140,8 +141,9 @@ def take(x, P, ie, c, dx, H, r, R, first, m, kind, since, out):
             if x[since] < 0.0:
                 x[since] = x[T]
             allowed = c[EARLY_S] if x[T] - c[T0] < YOUNG_S else c[DISTRUST_S]
-            if x[T] - x[since] > allowed:
-                # It was contradicted long enough: the filter is the one that is wrong.
+            alone = x[T] - x[TSEEN] > ALONE_S and ratio <= HARD_RATIO
+            if x[T] - x[since] > allowed or alone:
+                # It was contradicted long enough, or none had come for long: the filter is the one that is wrong.
                 top = 0.0
                 for a in range(m):
                     top = max(top, S[a, a])

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 # No instrument is without noise, and a filter that believes so ends with sigmas of rounding.
 LEAST_ARW, LEAST_VRW = 1e-7, 1e-5  # rad/sqrt(s), m/s/sqrt(s)
+UNTOLD_MPS = (0.2, 0.2, 0.3)
 WIND_MPS, WIND_WALK = 8.0, 0.1  # m/s, m/s/sqrt(s): what air does where the study does not say
 
 
@@ -29,6 +30,7 @@ def aided_settings(study: Study, *, declination: float | None = None) -> AidedSe
     n, m, f = study.noise, study.mounting, study.filter
     lidar = study.lidar or LidarSection()
     typed = study.input.declination_deg
+    simulated = not [name for name in study.input.tables if name != "reference"]
     current, walk = n.current_mps, n.current_walk_mps_per_sqrt_h * PER_SQRT_H
     if f.speed_is == "air":
         current = current if "current_mps" in n.model_fields_set else WIND_MPS
@@ -36,7 +38,8 @@ def aided_settings(study: Study, *, declination: float | None = None) -> AidedSe
     settings = AidedSettings(
         start=start_of(study),
         gnss_std=n.gnss_m,
-        gnss_velocity_std=n.gnss_mps,
+        # a receiver whose velocity is good to 0.05 m/s says so
+        gnss_velocity_std=n.gnss_mps if simulated or "gnss_mps" in n.model_fields_set else UNTOLD_MPS,
         gnss_correlated_std=n.gnss_correlated_m,
         gnss_correlated_tau=n.gnss_correlated_tau_s,
         gnss_delay=study.input.gnss_delay_s,

@@ -113,24 +113,19 @@ def _command(command: str, folder: Path, data: Path | None, played: Played, abse
 def figures_table(evidence: dict[str, Any]) -> str:
     """The README's table of what benchmarks/evidence.py measured; the NIS of a part in one row."""
     lines = ["| | measured | wanted | holds |", "|---|---|---|---|"]
-    part = ""
-    nis: list[dict[str, Any]] = []
-    for claim in [*evidence["claims"], None]:
-        if nis and (claim is None or claim["part"] != part or not _is_nis(claim)):
-            lines.append(_nis_row(nis))
-            nis = []
-        if claim is None:
-            break
-        if claim["part"] != part:
-            part = claim["part"]
-            lines.append(f"| **{part}** | | | |")
-        if _is_nis(claim):
-            nis.append(claim)
-            continue
-        spread = re.match(r"\+- (\S+) \(standard error\)|standard error (\S+);", claim["note"])
-        plus = f" +- {spread[1] or spread[2]}" if spread else ""
-        value = f"{_number(claim['value'])}{plus} {claim['unit']}".strip()
-        lines.append(f"| {claim['what']} | {value} | {claim['wanted']} | {_holds(claim['holds'])} |")
+    claims = evidence["claims"]
+    for part in dict.fromkeys(c["part"] for c in claims):
+        mine = [c for c in claims if c["part"] == part]
+        lines.append(f"| **{part}** | | | |")
+        folded = {name: [c for c in mine if belongs(c)] for name, belongs in _FOLDED.items()}
+        for claim in mine:
+            if any(claim in group for group in folded.values()):
+                continue
+            spread = re.match(r"\+- (\S+) \(standard error\)|standard error (\S+);", claim["note"])
+            plus = f" +- {spread[1] or spread[2]}" if spread else ""
+            value = f"{_number(claim['value'])}{plus} {claim['unit']}".strip()
+            lines.append(f"| {claim['what']} | {value} | {claim['wanted']} | {_holds(claim['holds'])} |")
+        lines += [_folded_row(name, group) for name, group in folded.items() if group]
     made = f"{evidence['runs']} runs for each simulated row, seed {evidence['seed']}; {evidence['machine']}."
     return "\n".join([*lines, "", made]) + "\n"
 
@@ -139,11 +134,23 @@ def _is_nis(claim: dict[str, Any]) -> bool:
     return bool(claim["what"].startswith("NIS of "))
 
 
-def _nis_row(claims: list[dict[str, Any]]) -> str:
-    named = [(c["what"].removeprefix("NIS of ").split(",")[0], c) for c in claims]
-    values = ", ".join(f"{name} {c['value']:.2f}" for name, c in named)
+def _is_nees(claim: dict[str, Any]) -> bool:
+    """Of kind aided there are many; each is in docs/evidence.md."""
+    return claim["part"].startswith("aided: ") and "NEES" in claim["what"] and not _is_nis(claim)
+
+
+_FOLDED = {"mean NEES": _is_nees, "mean NIS of each kind": _is_nis}
+
+
+def _folded_row(name: str, claims: list[dict[str, Any]]) -> str:
+    """One row of many claims: their values, and whether every one holds."""
     holds = all(claim["holds"] is not False for claim in claims)
-    return f"| mean NIS of each kind | {values} | inside 99 % bounds | {_holds(holds)} |"
+    if name == "mean NEES":
+        values = [c["value"] for c in claims]
+        span = f"{min(values):.2f} to {max(values):.2f}"
+        return f"| mean NEES, {len(values)} figures | {span} | each inside its bounds | {_holds(holds)} |"
+    told = ", ".join(f"{c['what'].removeprefix('NIS of ').split(',')[0]} {c['value']:.2f}" for c in claims)
+    return f"| {name} | {told} | inside 99 % bounds | {_holds(holds)} |"
 
 
 def _holds(holds: bool | None) -> str:

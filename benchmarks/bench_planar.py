@@ -1,5 +1,7 @@
 """Speed of the planar filter and smoother: rows of odometry a second, beside the same filter in plain numpy.
 
+Status 1 where it is slower than promised here.
+
 python benchmarks/bench_planar.py
 """
 
@@ -14,7 +16,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-TIMES = 3000.0  # times plain numpy with difference Jacobians, at least
+TIMES = 150.0  # times plain numpy with difference Jacobians, at least
 ROWS_PER_S = 200_000.0  # filter, at least
 
 
@@ -81,8 +83,7 @@ def main() -> int:
     print(f"filter {rows / alone:.3g} rows/s; smoother {back / alone:.2f} times the filter's time")
     print(f"tables to tracks with sigmas, learnt states and innovations: {rows / whole:.3g} rows/s")
     print(f"plain numpy, the same filter: {rows / plain:.3g} rows/s; the kernel {plain / alone:.0f} times as fast")
-    missed = rows / alone < ROWS_PER_S or plain / alone < TIMES / 20.0
-    return int(missed)
+    return int(rows / alone < ROWS_PER_S or plain / alone < TIMES)
 
 
 if __name__ == "__main__":

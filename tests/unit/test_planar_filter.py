@@ -70,6 +70,23 @@ def test_no_row_knows_what_comes_later(what):
             np.testing.assert_array_equal(getattr(whole, name)[:rows], getattr(part, name)[:rows])
 
 
+@pytest.mark.parametrize("fixes", [True, False])
+def test_a_start_that_is_found_knows_nothing_later(fixes):
+    run = simulate(35, fixes=fixes, ranges=not fixes, start=False)
+    name = "gnss" if fixes else "ranges"
+    table = run.tables[name]
+    tables = {**run.tables, name: changed(table, time=table.time + 0.07)}
+    plane = PLANE if not fixes else None  # that of the first fix
+    whole = navigate(tables, run.settings, plane).filter
+    t = float(whole.time[0]) + 5.0
+    part = navigate(cut(tables, t), run.settings, plane).filter
+    rows = min(int(np.sum(whole.time <= t)), len(part))
+    assert rows > 20
+    # the least squares of the start round otherwise over arrays of another length
+    for field, close in (("time", 0.0), ("lat", 1e-12), ("lon", 1e-12), ("rpy", 1e-7), ("cov_pos", 1e-6)):
+        np.testing.assert_allclose(getattr(whole, field)[:rows], getattr(part, field)[:rows], rtol=0.0, atol=close)
+
+
 def test_a_row_at_a_fix_has_seen_it():
     run = simulate(6, fixes=True, ranges=False)
     table = run.tables["gnss"]

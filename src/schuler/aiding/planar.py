@@ -36,7 +36,8 @@ def plane_of(tables: Tables, settings: PlanarSettings) -> Plane:
     """The plane through the first fix, else [start], else the middle of the beacons."""
     if "gnss" in tables and len(tables["gnss"]):
         g = tables["gnss"]
-        height = float(np.nanmedian(g["height"])) if "height" in g and np.isfinite(g["height"]).any() else 0.0
+        known = np.flatnonzero(np.isfinite(g["height"])) if "height" in g else np.zeros(0, dtype=int)
+        height = float(g["height"][known[0]]) if len(known) else 0.0  # the first: no row may know a later one
         return Plane(float(g["lat"][0]), float(g["lon"][0]), height)
     if settings.start.lat is not None and settings.start.lon is not None:
         return Plane(settings.start.lat, settings.start.lon, settings.start.height or 0.0)

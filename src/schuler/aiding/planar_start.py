@@ -112,10 +112,16 @@ def find(track: Track, m: Measurements, s: PlanarSettings, plane: Plane) -> Begi
         std_n if placed else wide,
         std_e if placed else wide,
         std_h if heading is not None else max(5.0 * float(sigma[2]), 0.5),
-        end,
+        _ready(track, end),
         notes,
         echoes,
     )
+
+
+def _ready(track: Track, end: float) -> float:
+    """When the inputs of all pieces up to `end` are known."""
+    i = min(int(np.searchsorted(track.time, end)), len(track.time) - 1)
+    return float(max(end, track.need_speed[i], track.need_turn[i]))
 
 
 @dataclass

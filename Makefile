@@ -2,6 +2,7 @@
 # make test      everything that must hold                     make bench     speed of the main tasks
 # make evidence  the figures of the README, measured again     make lock      pins what is installed now
 # make kernels   after a change of the kernels: what a first start compiles on all cores
+# make peers     installs the programs that some benchmarks are held against (python-ins, vqf, allantools)
 #
 # All of them first make what they need: a virtual environment in .venv (PYTHON says with which Python, 3.11 or newer).
 
@@ -11,7 +12,7 @@ STAMP := .venv/.installed
 JOBS ?= 2
 
 .DEFAULT_GOAL := demo
-.PHONY: demo test quick bench evidence setup lock lint warm kernels
+.PHONY: demo test quick bench evidence setup lock lint warm kernels peers
 
 demo: setup
 	@.venv/bin/schuler demo --out demo-result
@@ -43,14 +44,17 @@ test: lint warm
 quick: setup warm
 	$(PY) -m pytest -n $(JOBS) -m "not slow"
 
-bench: setup warm
+bench: setup warm peers
 	$(PY) benchmarks/speed.py
 
-evidence: setup warm
+evidence: setup warm peers
 	$(PY) benchmarks/evidence.py
 
 kernels: setup
 	$(PY) -m schuler.studies.precompile record
+
+peers: setup
+	@$(PY) -m pip install --quiet --disable-pip-version-check --no-deps --requirement requirements-peers.lock
 
 lock:
 	$(PY) tools/lock.py

@@ -35,7 +35,8 @@ def optics_notes(study: Study, tables: Mapping[str, Table], navigation: Navigati
         found += _camera(study, tables, navigation, again)
     if "lidar" in tables:
         found += _lidar(study, tables, navigation)
-    return [f"{f.says}; {f.type_next}" for f in found if f.code not in _SAID]
+    heard = [f for f in found if f.code not in _SAID]
+    return [f.says if f.type_next.startswith("nothing") else f"{f.says}; {f.type_next}" for f in heard]
 
 
 def _camera(study: Study, tables: Mapping[str, Table], navigation: Navigation, again: Again) -> list[Fault]:

@@ -184,6 +184,37 @@ def warm_ahrs() -> None:
     AhrsFilter(interval=0.01).update(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, -9.81), (2e-5, 0.0, 4e-5))
 
 
+def warm_optics() -> None:
+    """Camera, lidar, pose from known points, strapdown in Earth-fixed axes."""
+    import numpy as np
+
+    from schuler.aiding.optics import pose
+    from schuler.ground.camera import Camera
+    from schuler.studies.model import parse_study
+    from schuler.studies.run import run_study
+
+    start = {"lat_deg": 50.0, "height_m": 600.0, "std_north_m": 3.0, "std_east_m": 3.0, "std_down_m": 3.0}
+    raw = {
+        "study": {"name": "warmup", "kind": "aided"},
+        "start": start,
+        "trajectory": {"preset": "legs", "speed_mps": 50.0, "duration_s": 30.0, "rate_hz": 20},
+        "camera": {"focal_px": 5000.0},
+        "simulate": {"sightings_per_s": 4, "lidar_hz": 2, "ground_relief_m": 10},
+    }
+    run_study(parse_study(raw))
+    points = np.array([[200.0, 150, 1000], [200, -150, 1000], [-200, 150, 1000], [-200, -150, 1000], [0, 20, 990]])
+    camera = Camera.of(5000.0)
+    pose(points, camera.project(points, np.zeros(3), np.eye(3))[0], camera)
+    pose(points, camera.project(points, np.zeros(3), np.eye(3))[0], camera, start=(np.zeros(3), np.eye(3)))
+    raw = {
+        "study": {"name": "warmup", "kind": "strapdown"},
+        "start": {"lat_deg": 50.0},
+        "trajectory": {"preset": "legs", "duration_s": 60.0, "rate_hz": 50},
+        "filter": {"frame": "ecef"},
+    }
+    run_study(parse_study(raw))
+
+
 # what `schuler warmup` runs, in order; a part that brings kernels of its own adds a line
 STEPS: list[tuple[str, Callable[[], None]]] = [
     ("auv: simulation, filter, smoother", warm_auv),
@@ -193,6 +224,7 @@ STEPS: list[tuple[str, Callable[[], None]]] = [
     ("ahrs: filter, smoother", warm_ahrs),
     ("platform: alignment, algorithms, maps", warm_platform),
     ("strapdown: truth, mechanization, error model, alignment", warm_strapdown),
+    ("optics: camera, lidar, poses, Earth-fixed axes", warm_optics),
     ("calibration: turntable, rests and turns, Allan deviation", warm_calibration),
 ]
 

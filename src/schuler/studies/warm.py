@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from schuler.studies.cache import drop_stale
 
@@ -215,11 +216,46 @@ def warm_optics() -> None:
     run_study(parse_study(raw))
 
 
+def warm_aided() -> None:
+    """Kind "aided": every sensor at once, a start in motion, standing, a start of row by row use, the smoother."""
+    import numpy as np
+
+    from schuler.aiding.aided import AidedSettings, Sensor, navigate
+    from schuler.studies.model import parse_study
+    from schuler.studies.run import run_study
+    from schuler.studies.simulated import simulation
+
+    study = {
+        "study": {"name": "warmup", "kind": "aided"},
+        "start": {"lat_deg": 50.0, "lon_deg": 10.0, "height_m": 200.0},
+        "trajectory": {"preset": "car", "duration_s": 60.0, "rate_hz": 50.0},
+        "imu": {"preset": "consumer"},
+        "camera": {"focal_px": 2000.0},
+        "simulate": {
+            "speed_hz": 1.0, "dvl_hz": 1.0, "depth_hz": 1.0, "height_hz": 1.0, "magnetometer": True, "ranges_hz": 1.0,
+            "sightings_per_s": 4.0, "sightings_hz": 1.0, "lidar_hz": 1.0,
+        },
+        "filter": {"constraints": ["nhc", "zupt"]},
+    }  # fmt: skip
+    run_study(parse_study(study))
+    study["simulate"] = {}
+    tables = dict(simulation(parse_study(study)).record(1).tables)
+
+    def measure(state: Any, z: Any) -> Any:
+        H = np.zeros((1, state.n))
+        H[0, state.at("position")][2] = -1.0
+        return [state.height], H
+
+    settings = AidedSettings(constraints=("nhc",))
+    navigate(tables, settings, [Sensor("height", ("up",), "m", np.array([30.0]), np.array([0.0]), 1.0, measure)])
+
+
 # what `schuler warmup` runs, in order; a part that brings kernels of its own adds a line
 STEPS: list[tuple[str, Callable[[], None]]] = [
     ("auv: simulation, filter, smoother", warm_auv),
     ("auv: a vehicle's own compass", warm_compass),
     ("auv: the paper's filter", warm_paper),
+    ("aided: truth, every sensor, smoother", warm_aided),
     ("planar: filter and smoother", warm_planar),
     ("ahrs: filter, smoother", warm_ahrs),
     ("platform: alignment, algorithms, maps", warm_platform),

@@ -149,18 +149,38 @@ def number(value: Any) -> float:
 # ---------------------------------------------------------------------------------------------------------- recordings
 
 
+def straight_on(result: Any, length: float) -> float:
+    """Median error, m, of who keeps the velocity of the last fix, over the same outages."""
+    from schuler.ground.earth import WGS84
+    from schuler.studies.sweep import PHASES, windows
+
+    g, settle = result.tables["gnss"], result.study.sweep.settle_s
+    t, errors = g.time, []
+    for phase in range(PHASES):
+        for a, b in windows(float(t[0]), float(t[-1]), length, settle, phase):
+            inside = np.flatnonzero((t >= a) & (t <= b))
+            if not len(inside) or inside[0] == 0:
+                continue
+            i, j = inside[0] - 1, inside[-1]
+            d = WGS84.displacement_n(g["lat"][j], g["lon"][j], 0.0, g["lat"][i], g["lon"][i], 0.0)
+            gone = t[j] - t[i]
+            errors.append(np.hypot(d[0] - g["v_north"][i] * gone, d[1] - g["v_east"][i] * gone))
+    return float(np.median(errors)) if errors else float("nan")
+
+
 def outages(
     name: str,
-    sweep: list[dict[str, Any]],
+    result: Any,
     marks: dict[float, tuple[float, ...]],
     nees: tuple[float, float] | None,
     what: str = "filter",
 ) -> Iterator[Row]:
-    """Rows of a sweep. marks : length -> (must, good) of the filter, and of the smoother where there are four."""
+    """Rows of the sweep of a finished study. marks : length -> (must, good) of the filter, the smoother's after them."""
     for length, mark in marks.items():
-        found = of(sweep, length)
+        found = of(result.summary["sweep"], length)
         end, largest = found.get("filter_end_m", {}), found.get("smoother_max_m", {})
         note = f"{found.get('windows', 0)} windows, 95 % {number(end.get('p95')):.3g} m"
+        note += f"; straight on {straight_on(result, length):.0f} m"
         label = f"{length:g} s without fixes"
         yield Row(name, f"{label}, {what}", number(end.get("p50")), "m", mark[0], mark[1], note=note)
         if len(mark) > 2:
@@ -182,7 +202,7 @@ def car_rtk(folder: Path) -> Iterator[Row]:
     name = "car-rtk-mems"
     full = variant(folder)
     marks = {15.0: (4.0, 2.0, 0.6, 0.25), 30.0: (7.0, 2.5, 1.8, 0.8), 60.0: (16.0, 8.0, 4.0, 2.0)}
-    yield from outages(name, full.summary["sweep"], marks, (0.5, 3.0), "filter with NHC")
+    yield from outages(name, full, marks, (0.5, 3.0), "filter with NHC")
     say(f"{name}: NIS {innovations(full)}")
     for every, must, good in ((1.0, 0.03, 0.015), (5.0, 0.12, 0.06), (10.0, 0.4, 0.2)):
         file, left = thinned(folder, every)
@@ -228,9 +248,7 @@ def comma(folder: Path) -> Iterator[Row]:
             0.45,
             note=note,
         )
-    yield from outages(
-        name, full.summary["sweep"], {15.0: (3.0, 1.6), 30.0: (5.0, 3.3)}, (0.0, 5.0), "filter with speed"
-    )
+    yield from outages(name, full, {15.0: (3.0, 1.6), 30.0: (5.0, 3.3)}, (0.0, 5.0), "filter with speed")
     say(f"{name}: NIS {innovations(full)}")
 
 
@@ -239,7 +257,7 @@ def thor(folder: Path) -> Iterator[Row]:
     name = "thor-uav"
     marks = {15.0: (14.0, 8.0), 30.0: (40.0, 24.0), 60.0: (120.0, 70.0)}
     full = variant(folder)
-    yield from outages(name, full.summary["sweep"], marks, (0.0, 5.0), "filter with airspeed")
+    yield from outages(name, full, marks, (0.0, 5.0), "filter with airspeed")
     say(f"{name}: NIS {innovations(full)}")
 
     def bare(raw: dict[str, Any]) -> None:
@@ -249,14 +267,14 @@ def thor(folder: Path) -> Iterator[Row]:
 
     plain = variant(folder, bare)
     marks = {15.0: (18.0, 10.0), 30.0: (80.0, 37.0), 60.0: (450.0, 190.0)}
-    yield from outages(name, plain.summary["sweep"], marks, (0.0, 5.0), "INS alone")
+    yield from outages(name, plain, marks, (0.0, 5.0), "INS alone")
 
 
 def phone(folder: Path) -> Iterator[Row]:
     """A5."""
     full = variant(folder)
     marks = {15.0: (16.0, 10.0), 30.0: (90.0, 40.0), 60.0: (420.0, 190.0)}
-    yield from outages("car-phone", full.summary["sweep"], marks, (0.0, 5.0), "filter with NHC")
+    yield from outages("car-phone", full, marks, (0.0, 5.0), "filter with NHC")
     say(f"car-phone: NIS {innovations(full)}")
 
 

@@ -239,10 +239,12 @@ def peer_rows(result: Any, lengths: tuple[float, ...] = ()) -> list[dict[str, An
     return rows
 
 
-def our_rows(folder: Path, result: Any, change: Callable[[dict[str, Any]], None] | None) -> list[dict[str, Any]]:
-    """Ours on the same outages, through the study's own machinery; change : of the study."""
+def our_rows(
+    folder: Path, result: Any, lengths: list[float], change: Callable[[dict[str, Any]], None] | None
+) -> list[dict[str, Any]]:
+    """Ours on the same outages (0: the next fix), through the study's own machinery; change : of the study."""
     rows = []
-    for length in (0.0, *result.study.sweep.length_s):
+    for length in lengths:
         spans = spans_of(result, length) if length else []
         if length and not spans:
             continue
@@ -322,10 +324,11 @@ def main() -> int:
                 cache[name] = peer_rows(result)
                 if given.cache is not None:
                     given.cache.write_text(json.dumps(cache, indent=1) + "\n")
+            lengths = [r["length_s"] for r in cache[name]]
             found[name] = {
                 "pyins": cache[name],
-                "ours": our_rows(tables, result, None),
-                "alone": our_rows(tables, result, alone(name)),
+                "ours": our_rows(tables, result, lengths, None),
+                "alone": our_rows(tables, result, lengths, alone(name)),
             }
             found[name]["ours_per_s"], found[name]["states"] = our_speed(tables, name)
             seconds = [r["seconds"] / r["epochs"] for r in cache[name]]

@@ -175,7 +175,7 @@ def outages(
     nees: tuple[float, float] | None,
     what: str = "filter",
 ) -> Iterator[Row]:
-    """Rows of the sweep of a finished study. marks : length -> (must, good) of the filter, the smoother's after them."""
+    """Rows of the sweep of a finished study. marks : length -> (must, good) of the filter, then the smoother's."""
     for length, mark in marks.items():
         found = of(result.summary["sweep"], length)
         end, largest = found.get("filter_end_m", {}), found.get("smoother_max_m", {})

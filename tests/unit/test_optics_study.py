@@ -178,3 +178,16 @@ def test_a_turn_does_not_tilt_the_filter():
     errors = run_study(parse_study(study), seed=1).summary["errors"]["filter"]
     assert errors["roll_deg"]["rms"] < 1.5e-5
     assert errors["horizontal_m"]["end"] < 0.1
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_a_rough_start_stays_honest(seed):
+    """Heading to 5 deg, level to 1 deg: the arcs on which points move are noise until the first pictures are in."""
+    rough = {"std_roll_deg": 1.0, "std_pitch_deg": 1.0, "std_heading_deg": 5.0}
+    study = raw(60.0, start=rough, trajectory={"turns_deg": [], "turns_at_s": []})
+    made = run_study(parse_study(study), seed=seed)
+    nis = made.summary["consistency"]["nis"]["sightings"]
+    assert nis["low"] <= nis["mean"] <= nis["high"]
+    assert made.summary["consistency"]["nees_position"] < 2.5
+    assert made.summary["errors"]["filter"]["horizontal_m"]["end"] < 2.0
+    assert not [n for n in made.notes if "sighting" in n]

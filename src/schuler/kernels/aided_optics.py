@@ -28,17 +28,34 @@ def _spread(H, G, rows):
 
 
 @njit(cache=True, error_model="numpy")
-def sighting(x, c, z, H, r, R):
+def bend(P, f, du, dv, r1, r2, r3):
+    """Variance, px^2, that the second order of a sighting adds: a turn moves a point on an arc, two turns mix.
+
+    With a = sigma^2 of phi and b = that of the position over the distance squared, (du, dv) from the principal point:
+    f^2 (pairs of different turns) + (du^2 + dv^2) (a + b)^2. Some pixels while heading is known to degrees, nothing
+    once it is known to a milliradian.
+    """
+    d2 = r1 * r1 + r2 * r2 + r3 * r3
+    p0, p1, p2 = P[PHI, PHI], P[PHI + 1, PHI + 1], P[PHI + 2, PHI + 2]
+    a, b = p0 + p1 + p2, (P[DR, DR] + P[DR + 1, DR + 1] + P[DR + 2, DR + 2]) / d2
+    pairs = p0 * p1 + p1 * p2 + p2 * p0 + a * b
+    return f * f * pairs + (du * du + dv * dv) * (a + b) * (a + b)
+
+
+@njit(cache=True, error_model="numpy")
+def sighting(x, P, c, z, H, r, R):
     """A known point in the picture: z = (u, v px, lat, lon rad, height m, sigma u, sigma v px, sigma N, E, D m of the
-    point). Two rows; 0 where the point would be behind the camera. R (2) gets the point's own uncertainty too."""
+    point). Two rows; 0 where the point would be behind the camera. R (2) gets the point's own uncertainty and what the
+    second order adds (`bend`)."""
     C = dcm_from_quat(x[QUAT], x[QUAT + 1], x[QUAT + 2], x[QUAT + 3])
     r1, r2, r3 = offset_ned(x, z[2], z[3], z[4])
     G = np.zeros((2, 6))
     u, v, seen = sighting_rows(C, r1, r2, r3, c[C_CB : C_CB + 9], c[CAM : CAM + 3], c[FOCAL], c[U0], c[V0], G)
     if not seen:
         return 0
+    more = bend(P, c[FOCAL], u - c[U0], v - c[V0], r1, r2, r3)
     for i in range(2):
-        R[i] = z[5 + i] * z[5 + i]
+        R[i] = z[5 + i] * z[5 + i] + more
         for j in range(3):
             if z[7 + j] > 0.0:
                 R[i] += (G[i, j] * z[7 + j]) ** 2

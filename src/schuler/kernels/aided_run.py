@@ -189,7 +189,7 @@ def measure(x, P, ie, c, dx, ring, world, kind, z, H, r, R, out):
         R[0] = z[5] * z[5] + curvature(P, H[0, DR], H[0, DR + 1], H[0, DR + 2], max(z[0], 0.1))
         take(x, P, ie, c, dx, H, r, R, 0, 1, RANGE, -1, out[0])
     elif kind == SIGHTING:
-        if sighting(x, c, z, H, r, R) == 2:
+        if sighting(x, P, c, z, H, r, R) == 2:
             take(x, P, ie, c, dx, H, r, R, 0, 2, SIGHTING, -1, out[0])
     elif kind == LIDAR:
         lidar_point(x, c, z, H, r, R)

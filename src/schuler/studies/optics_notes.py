@@ -43,7 +43,8 @@ def _camera(study: Study, tables: Mapping[str, Table], navigation: Navigation, a
     from schuler.aiding import optics_checks as checks
     from schuler.studies.aided_mapping import camera_of
 
-    model, track, seen = camera_of(study), navigation.filter, tables["sightings"]
+    model, seen = camera_of(study), tables["sightings"]
+    track = navigation.smoother if navigation.smoother is not None and len(navigation.smoother) else navigation.filter
     points = tables["landmarks"]
     if model is None or not np.isfinite(track.rpy).all():
         return []

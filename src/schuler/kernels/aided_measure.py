@@ -315,7 +315,8 @@ def speed(x, ie, c, look, z, H, r):
     put(H, 0, ie[KS], u * k)
     a_n = C[0] * a[0] + C[1] * a[1] + C[2] * a[2]
     a_e = C[3] * a[0] + C[4] * a[1] + C[5] * a[2]
-    put(H, 0, ie[TS], -k * (a_n * x[ACC] + a_e * x[ACC + 1]))
+    a_d = C[6] * a[0] + C[7] * a[1] + C[8] * a[2]
+    put(H, 0, ie[TS], -k * (a_n * x[ACC] + a_e * x[ACC + 1] + a_d * x[ACC + 2]))
     r[0] = u * k - z[0]
     return 1
 

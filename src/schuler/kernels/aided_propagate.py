@@ -163,6 +163,8 @@ def advance(x, P, S, dec, qd, beta, q, ie, c, dx, t1, gap, work, keep):
             b = beta[i]
             dec[i] = math.exp(-b * dt)
             qd[i] = q[i] * dt if b * dt < 1e-6 else 0.5 * q[i] / b * (1.0 - math.exp(-2.0 * b * dt))
+            # half of it comes before the decay and half after it; together they are the whole
+            qd[i] *= 2.0 / (1.0 + dec[i] * dec[i])
         x[TQ] = dt
     p = PAR
     q0, q1, q2, q3 = x[QUAT], x[QUAT + 1], x[QUAT + 2], x[QUAT + 3]

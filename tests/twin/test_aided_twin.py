@@ -83,7 +83,11 @@ def z_of(rng, *values):
 
 
 def place(x, rng, far=300.0):
-    return x[k.LAT] + rng.normal(0, far / 6.4e6), x[k.LON] + rng.normal(0, far / 6.4e6), x[k.HGT] + rng.normal(0, far / 3)
+    return (
+        x[k.LAT] + rng.normal(0, far / 6.4e6),
+        x[k.LON] + rng.normal(0, far / 6.4e6),
+        x[k.HGT] + rng.normal(0, far / 3),
+    )
 
 
 def sensors(e, rng):

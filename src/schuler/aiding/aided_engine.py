@@ -52,10 +52,11 @@ class Kept:
 
 
 def node_bytes(n: int) -> int:
-    """Memory of one node: two nominal states, two covariances, the transition's rows, two open-loop errors."""
+    """Memory of one node: two nominal states and one handed out, two covariances, the transition's rows, time, and six
+    times n: two open-loop errors, two corrections, sigmas of filter and smoother."""
     from schuler.kernels import aided_state as k
 
-    return 8 * (2 * k.KEPT + 2 * n * n + (k.NAV + 1) * n + 4 * n + 1)
+    return 8 * (3 * k.KEPT + 2 * n * n + (k.NAV + 1) * n + 6 * n + 1)
 
 
 def room(n: int, *, rows: int = 0, events: int = 0, inner: int = 0, nodes: int = 0, stds: int = 0) -> Kept:
@@ -116,7 +117,8 @@ class Engine:
             x[p + slot : p + slot + 3] = arm
         x[p + k.TG], x[p + k.TV] = s.gnss_delay, s.velocity_delay
         x[p + k.DB] = start.height if "depth_bias" in lay.names else 0.0  # at the surface; the first depths tell
-        x[k.T] = x[k.TROW] = x[k.TNODE] = x[k.TNHC] = x[k.TSTILL] = x[k.TOLD] = x[k.TSEEN] = start.time
+        x[k.TNODE] = start.time - self.c[k.NODE_DT]  # the first row ends a node: the smoother begins there
+        x[k.T] = x[k.TROW] = x[k.TNHC] = x[k.TSTILL] = x[k.TOLD] = x[k.TSEEN] = start.time
         x[k.BADH] = x[k.BADV] = x[k.BADS] = -1e300
         x[k.NEXT] = start.time
         x[k.ROWS] = 0.0

@@ -501,7 +501,7 @@ def _in_motion(
     engine.x[k.HARD : k.HARD + 20] = 0.0
     engine.c[k.T0] = engine.x[k.T]
     engine.S[:, :] = np.eye(layout.n)
-    engine.x[k.TNODE] = engine.x[k.T]
+    engine.x[k.TNODE] = engine.x[k.T] - engine.c[k.NODE_DT]
     note = (
         f"heading found in motion: {BANK} headings compared from {first:.1f} to {until:.1f} s, "
         f"{math.degrees(headings[best]) % 360.0:.1f} deg (1 sigma {math.degrees(sigmas[best]):.1f} deg) at the end; "

@@ -68,8 +68,8 @@ def ends(track, truth):
 
 @pytest.mark.slow
 def test_an_hour_left_to_itself_is_the_strapdowns_hour() -> None:
-    """1 h at 50 Hz with turns: both carry the same increments to the same place, to metres (the free vertical channel apart,
-    which multiplies any difference by 500)."""
+    """1 h at 50 Hz with turns: both carry the same increments to the same place, to metres (the free vertical
+    channel apart, which multiplies any difference by 500)."""
     path = shapes.legs(
         50.0 * D, 30.0 * D, 3000.0, speed=80.0, heading=40.0 * D, duration=3600.0,
         turns=[x * D for x in (90, -60, 180, -120, 45)], climbs=[500.0, -300.0, 0.0, 200.0, 0.0, -300.0],

@@ -1,4 +1,4 @@
-"""Kernels of kind "aided" against differences: every H, the transition, process noise (Van Loan), the error's algebra."""
+"""Kernels of kind "aided" against differences: every H, the transition, process noise, the error's algebra."""
 
 import numpy as np
 import pytest
@@ -289,7 +289,7 @@ def test_transition_is_of_second_order():
 
 
 def van_loan(e, layout, dt):
-    """Qd of the continuous model whose transition over a short time the kernel gives, by Van Loan's block exponential."""
+    """Qd of the continuous model whose transition over a short time the kernel gives, by Van Loan."""
     n = layout.n
     tiny = 1e-4
     y = e.x.copy()

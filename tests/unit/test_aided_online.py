@@ -86,7 +86,7 @@ def test_places_are_the_kernels() -> None:
     names = {"position": "POSITION", "dvl": "BOTTOM_TRACK"}
     for kind, (code, _) in CODES.items():
         assert code == getattr(m, names.get(kind, kind.upper())), kind
-    assert r.USER == OWN and r.ZW == 12 and NOMINAL == 69
+    assert r.USER == OWN and r.ZW == 12 and NOMINAL == 72
     assert set(_INNER_NAMES) == {m.NONHOLONOMIC, m.STANDING_V, m.STANDING_W}
 
 

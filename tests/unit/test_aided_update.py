@@ -81,7 +81,7 @@ def filter_at(sigma=1.0, time=1000.0, settings=QUIET):
     e = Engine(settings, layout_of(settings, settings.estimate), 0.01)
     cov = np.diag([1e-4] * 3 + [1e-2] * 3 + [sigma**2] * 3)
     e.begin(StartState(0.0, np.array([1.0, 0, 0, 0]), np.zeros(3), 0.87, 0.52, 100.0, cov, level_from_force=False))
-    e.x[k.T] = time
+    e.x[k.T] = e.x[k.TSEEN] = time
     return e
 
 

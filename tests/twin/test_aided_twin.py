@@ -105,9 +105,9 @@ def sensors(e, rng):
     relative = c.copy()
     relative[k.RELATIVE] = 1.0
     return {
-        "position": lambda x, H, r: m.position(x, IE, looked(x, k.TG), fix, 3, H, r),
-        "level": lambda x, H, r: m.position(x, IE, looked(x, k.TG), fix, 2, H, r),
-        "height fix": lambda x, H, r: m.position(x, IE, looked(x, k.TG), fix, 1, H, r),
+        "position": lambda x, H, r: m.position(x, IE, e.c, looked(x, k.TG), fix, 3, H, r),
+        "level": lambda x, H, r: m.position(x, IE, e.c, looked(x, k.TG), fix, 2, H, r),
+        "height fix": lambda x, H, r: m.position(x, IE, e.c, looked(x, k.TG), fix, 1, H, r),
         "velocity": lambda x, H, r: m.velocity(x, IE, looked(x, k.TV), v, H, r),
         "course": lambda x, H, r: m.course(x, IE, looked(x, k.TV), one, H, r),
         "speed over ground": lambda x, H, r: m.speed(x, IE, c, looked(x, k.TS), one, H, r),
@@ -394,8 +394,8 @@ def test_a_late_row_is_met_by_the_state_of_its_own_moment():
         m.look_back(x, e.ring, tau, look)
         assert look[13] == 1.0
         nothing = looked(rest, None)
-        m.position(x, IE, look, fix, 3, H, r)
-        m.position(rest, IE, nothing, fix, 3, H, r0)
+        m.position(x, IE, e.c, look, fix, 3, H, r)
+        m.position(rest, IE, e.c, nothing, fix, 3, H, r0)
         np.testing.assert_allclose(r, r0, atol=2e-4)
         v = z_of(None, 1.0, 2.0, 3.0)
         for f in (m.velocity, m.bottom_track):
@@ -414,7 +414,7 @@ def test_the_delay_is_seen_through_speed_and_acceleration():
         x[k.PAR + k.TG] = tau
         look, H, r = np.empty(m.LOOK), np.zeros((3, N)), np.zeros(3)
         m.look_back(x, e.ring, tau, look)
-        m.position(x, IE, look, fix, 3, H, r)
+        m.position(x, IE, e.c, look, fix, 3, H, r)
         return r.copy(), H[:, IE[k.TG]].copy()
 
     for tau in (0.1025, 0.3025):

@@ -373,3 +373,31 @@ def test_a_faulty_sensor_of_ones_own_gets_one_sentence(recorded, change, says):
     sensor = replace(height_sensor(tables["height"]), **change)
     with pytest.raises(InputError, match=says):
         navigate(tables, settings_of(path), [sensor])
+
+
+def test_a_receiver_whose_place_is_wild_does_not_pull_by_its_velocity():
+    """Position and velocity of one receiver that walks off together: the velocity alone would be worth many pulls."""
+    e = filter_at(sigma=0.1)
+    z = np.full(12, np.nan)
+    z[:2], z[3:6] = (0.7, 0.7), 0.1
+    weak = taken(e, m.VELOCITY, z)
+    assert weak[0, 9] == u.WEAKENED
+    taken(e, m.POSITION, fix(e, 50.0, sigma=0.1))
+    assert taken(e, m.VELOCITY, z)[0, 9] == u.REFUSED
+    e.P[3:5, 3:5] += np.eye(2)  # doubt has grown: now it would fit
+    assert taken(e, m.VELOCITY, z)[0, 9] == u.REFUSED
+    taken(e, m.POSITION, fix(e, 0.0, sigma=0.1))
+    assert taken(e, m.VELOCITY, z)[0, 9] == u.TAKEN
+    # a place that jumps alone costs no velocity
+    taken(e, m.POSITION, fix(e, 50.0, sigma=0.1))
+    z[:2] = e.x[k.VEL : k.VEL + 2]
+    assert taken(e, m.VELOCITY, z)[0, 9] == u.TAKEN
+    z[:2] += 3.0
+    # and it is believed in the end, whatever the place does
+    for _ in range(62):
+        e.x[k.T] += 1.0
+        taken(e, m.POSITION, fix(e, 500.0, sigma=0.1))
+        how = taken(e, m.VELOCITY, z)[0, 9]
+        if how == u.FORCED:
+            break
+    assert how == u.FORCED

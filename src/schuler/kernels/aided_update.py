@@ -12,11 +12,12 @@ import math
 import numpy as np
 from numba import njit
 
-from .aided_measure import VELOCITY
+from .aided_measure import POSITION, VELOCITY
 from .aided_state import DISTRUST_S, DR, DV, EARLY_S, GATE, HARD, HELD, OPEN_LOOP, T0, TSEEN, T, correct
 
 LIMIT1, LIMIT2, LIMIT3 = 10.83, 13.82, 16.27  # chi-square 99.9 % of 1, 2, 3 degrees of freedom
 HARD_RATIO = 25.0  # five times the bound of an innovation
+AGAIN_RATIO = 4.0  # a fix that was wild stays so until it is within twice the bound: doubt that grows is no evidence
 WILD_MOST = 5.0  # wild rows in a row of a sensor that is no fix, after which it is taken with bounded pull again
 ALONE_S = 5.0  # after so long without fixes the filter's sigma is doubted before a fix is
 YOUNG_S = 60.0  # a filter younger than this knows less than it says
@@ -136,7 +137,10 @@ def take(x, P, ie, c, dx, H, r, R, first, m, kind, since, out):
     ratio = nis / limit
     grown = 0.0
     weight, how = 1.0, TAKEN
-    if ratio > 1.0 and c[GATE] > 0.5:
+    # A receiver whose place is wild and whose velocity was wrong with it: many bounded pulls would be one long one,
+    # and growing doubt would let it in. Its velocity waits until the place is believed again.
+    lies = kind == VELOCITY and x[HARD + POSITION] > 0.5 and (ratio > 1.0 or x[HARD + VELOCITY] > 0.5)
+    if (ratio > 1.0 or lies) and c[GATE] > 0.5:
         if since >= 0:
             if x[since] < 0.0:
                 x[since] = x[T]
@@ -147,7 +151,7 @@ def take(x, P, ie, c, dx, H, r, R, first, m, kind, since, out):
                 top = 0.0
                 for a in range(m):
                     top = max(top, S[a, a])
-                grown = (ratio - 1.0) * top * 1.1
+                grown = max(ratio - 1.0, 0.0) * top * 1.1
                 base = DV if kind == VELOCITY else DR
                 lo = base if m >= 2 else base + 2
                 for i in range(lo, base + (2 if m == 2 else 3)):
@@ -155,10 +159,11 @@ def take(x, P, ie, c, dx, H, r, R, first, m, kind, since, out):
                 innovation_covariance(P, H, R, first, m, S)
                 x[since] = -1.0
                 how = FORCED
-            elif ratio > HARD_RATIO:
+            elif lies or ratio > (AGAIN_RATIO if x[HARD + kind] > 0.5 else HARD_RATIO):
                 weight, how = 0.0, REFUSED
             else:
                 weight, how = 1.0 / ratio, WEAKENED
+            x[HARD + kind] = 1.0 if how == REFUSED else 0.0
         elif ratio > HARD_RATIO and x[HARD + kind] < WILD_MOST:
             x[HARD + kind] += 1.0
             weight, how = 0.0, REFUSED

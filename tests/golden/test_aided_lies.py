@@ -10,7 +10,7 @@ from schuler.aiding.aided import navigate, settled
 from schuler.ground.tables import Table
 from schuler.judging.distrust import distrusted
 from schuler.studies.aided_mapping import aided_settings
-from schuler.studies.inputs import Inputs, to_body
+from schuler.studies.inputs import to_body
 from schuler.studies.model import parse_study
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "car-rtk-mems"

@@ -5,11 +5,12 @@
 pyins runs its feedback (extended Kalman) filter with random-walk biases. It has no vehicle constraints, mounting
 angles, time delays or smoother; it gets the fixes on the IMU's clock, with the delays that our filter has found, so
 that it is not judged for what its user would have to do beforehand. Outages are those of the first phase of [sweep]; an
-error is that of the last withheld fix, without an outage that of the next fix before it is used. "INS alone" is our
+error is that of the last withheld fix, without an outage what is left at the fixes that were used. "INS alone" is our
 filter with the same aids as pyins: no constraints, no other sensor.
 
-Speed is IMU epochs a second of the filter alone (no smoother, no reading), one after the other on one core. pyins takes
-one to three minutes for each run: --cache keeps its results. The tables go to docs/peers.md, all figures to peers.json.
+Speed is IMU epochs a second of processor time of the filter alone (no smoother, no reading), one after the other in one
+process, pyins over SPEED_S. A whole run of pyins takes one to three minutes: --cache keeps its errors. The tables go to
+docs/peers.md, all figures to peers.json.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from recordings import prepare_example
-from targets_aided import DATA, arm_of, between, say, variant, without
+from targets_aided import DATA, arm_of, between, delay_of, say, variant, without
 
 from schuler.aiding.solution import Solution
 from schuler.ground.earth import LocalFrame
@@ -48,6 +49,7 @@ RECORDINGS: dict[str, tuple[str, tuple[str, ...]]] = {
 NOT_PYINS = ("mounting", "speed_scale", "current", "height_bias", "gyro_scale")
 START_SPEED = 5.0  # m/s: the course of the first faster fix is the first heading
 SIGMA_LEVEL, SIGMA_HEADING, SIGMA_VELOCITY = 3.0, 9.0, 0.5  # deg, deg, m/s: of that start
+SPEED_S = 20.0  # of a recording, to time pyins
 SETTLED = 50  # fixes after the start that the errors at the fixes leave out
 
 
@@ -161,7 +163,7 @@ def run_pyins(drive: Drive, gone: Mask, wider: float = 1.0) -> Run:
     ]
     gyro = inertial_sensor.EstimationModel(n["gyro_bias"], n["arw"], n["gyro_walk"])
     accel = inertial_sensor.EstimationModel(n["accel_bias"], n["vrw"], n["accel_walk"])
-    clock = time.perf_counter()
+    clock = time.process_time()
     try:
         found = filters.run_feedback_filter(
             pva, drive.p, SIGMA_VELOCITY, SIGMA_LEVEL, SIGMA_HEADING, increments, gyro, accel, used
@@ -171,7 +173,7 @@ def run_pyins(drive: Drive, gone: Mask, wider: float = 1.0) -> Run:
             raise
         say(f"pyins {drive.name}: its covariance lost definiteness; again with sigmas of the fixes x {2.0 * wider:g}")
         return run_pyins(drive, gone, 2.0 * wider)
-    seconds = time.perf_counter() - clock
+    seconds = time.process_time() - clock
     t = found.trajectory
     nothing = np.full((len(t), 3, 3), np.nan)
     rpy = t[["roll", "pitch", "heading"]].to_numpy(float) * DEG
@@ -186,12 +188,14 @@ def run_pyins(drive: Drive, gone: Mask, wider: float = 1.0) -> Run:
 # ----------------------------------------------------------------------------------------------------------- judging
 
 
-def misses(track: Solution, drive: Drive, rows: NDArray[np.int64]) -> Array:
-    """(n,) m, horizontal distance of the antenna from the fixes `rows` as predicted: the last row before, moved on."""
+def misses(track: Solution, drive: Drive, rows: NDArray[np.int64], used: bool) -> Array:
+    """(n,) m, horizontal distance of the antenna from the fixes `rows`: the last row before, moved on; of fixes that
+    were used the first row from then on, moved back (pyins corrects the row before a fix by it)."""
     from schuler.ground.frames import dcm_from_euler
 
     t = drive.at[rows]
-    k = np.clip(np.searchsorted(track.time, t, side="left") - 1, 0, len(track) - 1)
+    k = np.searchsorted(track.time, t, side="left") - (0 if used else 1)
+    k = np.clip(k, 0, len(track) - 1)
     arms = np.einsum("nij,j->ni", dcm_from_euler(*track.rpy[k].T), drive.arm)
     ahead = track.v_n[k] * (t - track.time[k])[:, None] + arms
     out = np.empty(len(rows))
@@ -220,7 +224,7 @@ def told(errors: Array, run: Run | None = None) -> dict[str, Any]:
 
 
 def peer_rows(result: Any, lengths: tuple[float, ...] = ()) -> list[dict[str, Any]]:
-    """pyins with every fix (length 0: the next one, predicted) and on each outage length."""
+    """pyins with every fix (length 0: at the fixes that it used) and on each outage length."""
     drive = drive_of(result)
     stamps, rows = drive.gnss.time, []
     for length in lengths or (0.0, *result.study.sweep.length_s):
@@ -234,7 +238,9 @@ def peer_rows(result: Any, lengths: tuple[float, ...] = ()) -> list[dict[str, An
         if not len(judged):
             continue
         run = run_pyins(drive, gone)
-        rows.append({"length_s": length, "windows": len(judged), **told(misses(run.track, drive, judged), run)})
+        rows.append(
+            {"length_s": length, "windows": len(judged), **told(misses(run.track, drive, judged, not length), run)}
+        )
         say(f"pyins {drive.name}, outages of {length:g} s: median {rows[-1]['p50']:.3g} m, {run.seconds:.0f} s")
     return rows
 
@@ -242,7 +248,7 @@ def peer_rows(result: Any, lengths: tuple[float, ...] = ()) -> list[dict[str, An
 def our_rows(
     folder: Path, result: Any, lengths: list[float], change: Callable[[dict[str, Any]], None] | None
 ) -> list[dict[str, Any]]:
-    """Ours on the same outages (0: the next fix), through the study's own machinery; change : of the study."""
+    """Ours on the same outages (0: at the fixes used), through the study's own machinery; change : of the study."""
     rows = []
     for length in lengths:
         spans = spans_of(result, length) if length else []
@@ -266,8 +272,10 @@ def our_rows(
             row["windows"] = len(entries)
         else:
             drive = drive_of(found)
+            delay = delay_of(found.navigation, found.study.input.gnss_delay_s, drive.gnss.time, False)
+            drive.at = drive.gnss.time - delay
             judged = np.arange(start_of(drive)[0] + SETTLED, len(drive.at))
-            row = told(misses(found.navigation.filter, drive, judged))
+            row = told(misses(found.navigation.filter, drive, judged, True))
             row["windows"] = len(judged)
         rows.append({"length_s": length, **row})
     return rows
@@ -285,6 +293,17 @@ def alone(name: str) -> Callable[[dict[str, Any]], None]:
     return change
 
 
+def peer_speed(result: Any) -> float:
+    """IMU epochs a second of processor time of pyins over SPEED_S of a recording; beside `our_speed`."""
+    drive = drive_of(result)
+    first = start_of(drive)[0]
+    keep = drive.at <= drive.at[first] + SPEED_S
+    imu = drive.imu.where(drive.imu.time <= drive.at[first] + SPEED_S)
+    short = replace(drive, imu=imu, gnss=drive.gnss.where(keep), at=drive.at[keep], velocity_at=drive.velocity_at[keep])
+    run = run_pyins(short, np.zeros(int(keep.sum()), dtype=bool))
+    return run.epochs / run.seconds
+
+
 def our_speed(folder: Path, name: str) -> tuple[float, int]:
     """IMU epochs a second of our filter alone, and the number of its states: median of five runs."""
     from schuler.aiding.aided import navigate, settled
@@ -295,9 +314,9 @@ def our_speed(folder: Path, name: str) -> tuple[float, int]:
     settings, _ = settled(result.tables, replace(aided_settings(result.study), smoother=False))
     seconds = []
     for _ in range(5):
-        clock = time.perf_counter()
+        clock = time.process_time()
         navigate(result.tables, settings)
-        seconds.append(time.perf_counter() - clock)
+        seconds.append(time.process_time() - clock)
     states = layout_of(settings, tuple(settings.estimate or ())).n
     return len(result.tables["imu"]) / float(np.median(seconds)), states
 
@@ -331,8 +350,7 @@ def main() -> int:
                 "alone": our_rows(tables, result, lengths, alone(name)),
             }
             found[name]["ours_per_s"], found[name]["states"] = our_speed(tables, name)
-            seconds = [r["seconds"] / r["epochs"] for r in cache[name]]
-            found[name]["pyins_per_s"] = 1.0 / float(np.median(seconds))
+            found[name]["pyins_per_s"] = peer_speed(result)
     text = markdown(found)
     print(text)
     if given.out is not None:
@@ -354,7 +372,7 @@ def markdown(found: dict[str, Any]) -> str:
     for name, told in found.items():
         for peer, ours, bare in zip(told["pyins"], told["ours"], told["alone"], strict=True):
             length = peer["length_s"]
-            label = f"{length:g} s" if length else "the next fix"
+            label = f"{length:g} s" if length else "at the fixes used"
             smooth = ours.get("smoother")
             cells = [name, label, str(peer["windows"]) if length else "", both(peer), both(bare), both(ours)]
             cells += ["" if smooth is None else f"{smooth:.2g}", peer.get("note", "")]

@@ -83,6 +83,7 @@ def aided_settings(study: Study, *, declination: float | None = None) -> AidedSe
         nhc_std=n.nhc_mps,
         zupt_std=n.zupt_mps,
         estimate=None if f.estimate is None else estimates(study),
+        gate=f.robust,
         open_loop=f.loop == "open",
         vertical=f.vertical,
         bias_model=f.bias_model,
@@ -90,7 +91,8 @@ def aided_settings(study: Study, *, declination: float | None = None) -> AidedSe
         smoother=f.smoother,
         output_rate=output_rate(study),
     )
-    imu = imu_model(study)
+    believed = study.simulate is not None and study.simulate.imu is not None  # then [errors] are not the filter's
+    imu = imu_model(study.model_copy(update={"errors": None}) if believed else study)
     return settings if imu is None else replace(settings, **imu_figures(imu))
 
 

@@ -23,7 +23,7 @@ def sections() -> dict[str, type[Section]]:
     def walk(prefix: str, model: type[Section]) -> None:
         for name, field in model.model_fields.items():
             inner = _model_in(field.annotation)
-            if inner is not None:
+            if inner is not None and inner not in found.values():  # one that is described already: the same keys
                 found[prefix + name] = inner
                 walk(prefix + name + ".", inner)
 

@@ -33,6 +33,7 @@ from schuler.studies.warm import need
 if TYPE_CHECKING:
     from schuler.aiding.aided_settings import AidedSettings
     from schuler.studies.model import Study
+    from schuler.truth.aided import AidedRecording
 
 Array = NDArray[np.float64]
 KERNELS = ("aided_run", "aided_smooth")
@@ -97,7 +98,6 @@ def recorded(study: Study, progress: Progress) -> tuple[Inputs, AidedSettings | 
 
 def simulate(study: Study, seed: int, progress: Progress) -> tuple[Inputs, AidedSettings]:
     """Tables, reference and true states of [trajectory] and [simulate]; settings that begin at its start."""
-    from schuler.studies.aided_mapping import aided_settings
     from schuler.studies.simulated import simulation
 
     need("motion", "noise")
@@ -106,10 +106,24 @@ def simulate(study: Study, seed: int, progress: Progress) -> tuple[Inputs, Aided
         reference = read_tables(study, progress).reference
     progress("simulating")
     recording = simulation(study, reference).record(seed)
+    settings = started(study, recording)
+    tables = dict(recording.tables)
+    tables["imu"] = corrected(study, tables["imu"])
+    inputs = Inputs(tables, recording.reference, dict(recording.truth_states), notes=list(recording.notes))
+    return inputs, settings
+
+
+def started(study: Study, recording: AidedRecording) -> AidedSettings:
+    """The filter's settings, beginning where the simulated recording says."""
+    from schuler.studies.aided_mapping import aided_settings
+
     settings = aided_settings(study, declination=recording.declination)
     given, found = settings.start, recording.start
     std = [float(x) for x in found.std]
-    settings = replace(
+    if study.simulate is not None and study.simulate.start is not None:  # what the filter believes is not what is so
+        typed = (*given.std_pos, *given.std_vel, given.std_roll, given.std_pitch, given.std_heading)
+        std = [float(x or 0.0) for x in typed]
+    return replace(
         settings,
         start=replace(
             given, time=found.time, lat=found.lat, lon=found.lon, height=found.height,
@@ -118,10 +132,6 @@ def simulate(study: Study, seed: int, progress: Progress) -> tuple[Inputs, Aided
             std_vel=(std[3], std[4], std[5]), std_roll=std[6], std_pitch=std[7], std_heading=std[8],
         ),
     )  # fmt: skip
-    tables = dict(recording.tables)
-    tables["imu"] = corrected(study, tables["imu"])
-    inputs = Inputs(tables, recording.reference, dict(recording.truth_states), notes=list(recording.notes))
-    return inputs, settings
 
 
 def navigate(tables: dict[str, Table], settings: AidedSettings) -> Navigation:

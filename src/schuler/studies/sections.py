@@ -324,6 +324,7 @@ class FilterSection(Section):
     speed_is: Literal["ground", "water", "air"] = key(
         "ground", 'what a speed table feels; "water" and "air" estimate the current or wind as two states'
     )
+    robust: bool = key(True, "false: every measurement is taken as it comes, however far off, as in a textbook")
     loop: Literal["closed", "open"] = key("closed", '"open": errors are kept beside an INS that runs free, for study')
     distrust_s: float = key(60.0, "so long fixes may contradict the filter wildly before it believes them", "s", ge=0)
     vertical: Literal["free", "held", "zeroed"] = key(
@@ -446,6 +447,7 @@ class SimulateSection(Section):
     lidar_hz: float = key(0.0, "ranges of a lidar over hills: straight down, right, left in turn", "Hz", ge=0, le=1e4)
     ground_height_m: float = key(0.0, "height of the ground", "m")
     ground_relief_m: float = key(0.0, "its hills, 1 sigma", "m", ge=0, le=3000)
+    gnss_height: bool = key(True, "a fix holds a height; false: two numbers only")
     speed_is: Literal["ground", "water", "air"] | None = key(
         None, "what the speed log feels; absent: as the filter takes it"
     )
@@ -469,6 +471,9 @@ class SimulateSection(Section):
     mag_bias_ut: float | None = key(None, "hard iron of the magnetometer, each axis, 1 sigma", "uT", ge=0)
     year: float = key(2026.0, "date of the magnetic field", ge=2025, le=2030)
     imu_rows: Literal["increments", "rates"] = key("increments", "what a row of the imu table holds")
+    imu: ImuSection | None = key(None, "the IMU as it is, where [imu] tells the filter something else")
+    noise: NoiseSection | None = key(None, "keys of [noise] as they are, where the filter is told something else")
+    start: StartSection | None = key(None, "std_ keys of [start] as they are, where the filter is told something else")
 
 
 class ErrorsSection(Section):

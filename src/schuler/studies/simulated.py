@@ -40,6 +40,22 @@ class Simulation:
         return simulate(self.trajectory, self.imu, self.suite, self.rate_hz, seed=seed, run=run)
 
 
+def as_it_is(study: Study) -> Study:
+    """The study whose [imu], [noise] and [start] are what is true, with those of [simulate] in their place."""
+    s = study.simulate
+    if s is None:
+        return study
+    changes: dict[str, Any] = {}
+    if s.imu is not None:
+        changes["imu"] = s.imu
+    for name in ("noise", "start"):
+        real = getattr(s, name)
+        if real is not None:
+            typed = {key: getattr(real, key) for key in real.model_fields_set}
+            changes[name] = getattr(study, name).model_copy(update=typed)
+    return study.model_copy(update=changes) if changes else study
+
+
 def simulation(study: Study, reference: Table | None = None) -> Simulation:
     """The simulation of [trajectory], [start], [imu], [errors], [simulate], [noise] and [mounting].
 
@@ -50,6 +66,7 @@ def simulation(study: Study, reference: Table | None = None) -> Simulation:
     from schuler.truth.keys import imu_from_keys
 
     faults = _faults(study)
+    study = as_it_is(study)
     t = study.trajectory or TrajectorySection()
     trajectory = imu = suite = None
     try:
@@ -137,7 +154,8 @@ def suite_of(study: Study) -> AidedSuite:
         """The sigma typed, in SI, or the filter's prior."""
         return typed * unit if typed is not None else prior if name in found else 0.0
 
-    slow = drawn(None, "gnss_bias", f.gnss_correlated_std)
+    told = s.noise is not None and "gnss_correlated_m" in s.noise.model_fields_set
+    slow = drawn(n.gnss_correlated_m if told else None, "gnss_bias", f.gnss_correlated_std)
     compass = None
     if s.magnetometer:
         offset = drawn(s.heading_offset_deg, "heading_offset", f.heading_offset_std, DEG)
@@ -153,6 +171,7 @@ def suite_of(study: Study) -> AidedSuite:
     return AidedSuite(
         **rates,
         gnss_velocity=s.gnss_velocity,
+        gnss_height=s.gnss_height,
         gnss_std=f.gnss_std,
         gnss_velocity_std=f.gnss_velocity_std,
         gnss_correlated=(slow, slow, DOWN * slow),

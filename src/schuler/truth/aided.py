@@ -65,6 +65,7 @@ class AidedSuite:
 
     gnss_hz: float = 1.0
     gnss_velocity: bool = True
+    gnss_height: bool = True
     gnss_std: Arm = (1.0, 1.0, 2.0)
     gnss_velocity_std: Arm = (0.05, 0.05, 0.1)
     gnss_correlated: Arm = (0.0, 0.0, 0.0)
@@ -322,7 +323,9 @@ def _gnss(v: _Vehicle) -> None:
 
     def rows() -> dict[str, Array]:
         lat, lon, height = moved(v.path.earth, *m.place(arm)[:3], error)
-        columns = {"time": m.time, "lat": lat, "lon": lon, "height": height}
+        columns = {"time": m.time, "lat": lat, "lon": lon}
+        if s.gnss_height:
+            columns["height"] = height
         if s.gnss_velocity:
             v_n = moving.place(arm)[3]
             columns |= {f"v_{a}": v_n[:, i] + v_error[:, i] for i, a in enumerate(NED)}

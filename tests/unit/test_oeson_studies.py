@@ -19,8 +19,7 @@ FLOWN = ("unaided", "landmarks-1px-6", "landmarks-5px-6", "landmarks-5px-1", "ga
 FILES = {f"oeson/{path}-{case}.toml": (case, path) for path in PATHS for case in FLOWN}
 FILES |= {f"listing-a2/{x}.toml": (f"a2-{x}", "straight") for x in ("printed", "consistent", "zeroed")}
 FILES |= {
-    f"listing-a3/{x}.toml": (f"a3-{x}", "straight")
-    for x in ("printed", "consistent", "correlated-15", "correlated-18")
+    f"listing-a3/{x}.toml": (f"a3-{x}", "straight") for x in ("printed", "consistent", "correlated-15", "correlated-18")
 }
 
 

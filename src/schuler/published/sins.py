@@ -12,6 +12,7 @@ from schuler.published import (
     sins_calibration,
     sins_errata,
     sins_errors,
+    sins_filters,
     sins_kinematics,
     sins_navigation,
     sins_optics,
@@ -22,7 +23,7 @@ TITLE = "Master thesis on the accuracy of strapdown INS: alignment, algorithms, 
 
 
 def rows(progress: Callable[[str], None] | None = None) -> list[Row]:
-    """All rows, computed here and now (about ten seconds)."""
+    """All rows, computed here and now (about ten seconds), but for the filters: theirs are kept from many runs."""
     made: list[Row] = []
     for step, part in (
         ("thesis: alignment", sins_alignment.rows),
@@ -33,6 +34,7 @@ def rows(progress: Callable[[str], None] | None = None) -> list[Row]:
         ("thesis: size effect and turntable", sins_calibration.rows),
         ("thesis: errata of chapter 4", sins_errata.rows),
         ("thesis: optics, chapters 4.4 and 5", sins_optics.rows),
+        ("thesis: flights and filter listings", sins_filters.rows),
     ):
         if progress is not None:
             progress(step)

@@ -93,7 +93,7 @@ def aided_settings(study: Study, *, declination: float | None = None) -> AidedSe
     )
     believed = study.simulate is not None and study.simulate.imu is not None  # then [errors] are not the filter's
     imu = imu_model(study.model_copy(update={"errors": None}) if believed else study)
-    return settings if imu is None else replace(settings, **imu_figures(imu))
+    return settings if imu is None else replace(settings, **imu_figures(imu, least=f.robust))
 
 
 def camera_of(study: Study) -> Camera | None:
@@ -114,16 +114,18 @@ def estimates(study: Study) -> tuple[str, ...]:
     return tuple("current" if name == "wind" else name for name in study.filter.estimate or ())
 
 
-def imu_figures(imu: ImuModel) -> dict[str, Any]:
-    """The IMU's errors as the filter is told them; what the instrument does not say of walks is none."""
+def imu_figures(imu: ImuModel, least: bool = True) -> dict[str, Any]:
+    """The IMU's errors as the filter is told them; what the instrument does not say of walks is none. least: with the
+    least noise that an instrument can have."""
+    arw, vrw = (LEAST_ARW, LEAST_VRW) if least else (0.0, 0.0)
 
     def triple(values: Any) -> tuple[float, float, float]:
         a, b, c = (float(v) for v in values)
         return a, b, c
 
     figures: dict[str, Any] = {
-        "gyro_arw": triple(np.maximum(imu.arw, LEAST_ARW)),
-        "accel_vrw": triple(np.maximum(imu.vrw, LEAST_VRW)),
+        "gyro_arw": triple(np.maximum(imu.arw, arw)),
+        "accel_vrw": triple(np.maximum(imu.vrw, vrw)),
         "gyro_bias_std": triple(np.hypot(imu.gyro_bias, np.abs(imu.gyro_offset))),
         "accel_bias_std": triple(np.hypot(imu.accel_bias, np.abs(imu.accel_offset))),
         "gyro_instability": float(np.max(imu.gyro_instability)),

@@ -110,7 +110,9 @@ ZEROED: Raw = {"filter": {"vertical": "zeroed"}}
 A2_P0: Raw = {"start": start(3.0, 2.0, 1.0, 1.0, down=False)}
 A2_GYRO_P0: Raw = {"imu": {"gyro_bias_deg_per_h": _typed(0.05 / DEG_PER_H)}}  # (0.05)^2 is rad/s
 A2_GYRO_Q: Raw = {"imu": {"gyro_instability_deg_per_h": _typed(1e-6 * (1e4 / 2.0) ** 0.5 / DEG_PER_H)}}
-A2_ACCEL_Q: Raw = {"imu": {"accel_tau_s": 100.0, "accel_instability_ug": _typed(0.3e-6 * G * (100.0 / 2.0) ** 0.5 / UG)}}
+A2_ACCEL_Q: Raw = {
+    "imu": {"accel_tau_s": 100.0, "accel_instability_ug": _typed(0.3e-6 * G * (100.0 / 2.0) ** 0.5 / UG)}
+}
 NO_WALK: Raw = {"imu": NO_NOISE}
 A2_PRINTED = _merged(A2, ZEROED, A2_P0, A2_GYRO_P0, A2_GYRO_Q, A2_ACCEL_Q, NO_WALK)
 
@@ -171,7 +173,11 @@ class Case:
 
 
 GAP = (900.0, 1199.5)
-SEEN = {(6, 1.0): "6 landmarks a second, 1 px", (6, 5.0): "6 landmarks a second, 5 px", (1, 5.0): "1 landmark a second, 5 px"}
+SEEN = {
+    (6, 1.0): "6 landmarks a second, 1 px",
+    (6, 5.0): "6 landmarks a second, 5 px",
+    (1, 5.0): "1 landmark a second, 5 px",
+}
 CASES: dict[str, Case] = {
     "unaided": Case("OESON flight, unaided", _merged(OESON, HELD)),
     **{f"landmarks-{int(px)}px-{n}": Case(f"OESON flight, {title}", _merged(OESON, landmarks(n, px)))

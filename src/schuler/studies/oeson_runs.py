@@ -65,7 +65,12 @@ def judged(series: Any, case: Case) -> Errors:
     """The figures of one track."""
     s = series.between(case.since, float(series.time[-1]) + 1e-6)
     position, velocity, rpy = s.position[:, :2], s.velocity[:, :2], s.rpy
-    squares = [np.sum(position**2, axis=1), np.sum(velocity**2, axis=1), np.sum(rpy[:, :2] ** 2, axis=1), rpy[:, 2] ** 2]
+    squares = [
+        np.sum(position**2, axis=1),
+        np.sum(velocity**2, axis=1),
+        np.sum(rpy[:, :2] ** 2, axis=1),
+        rpy[:, 2] ** 2,
+    ]
     unit = np.array([1.0, 1.0, ARCMIN, ARCMIN])
     error = np.column_stack([position, velocity, rpy])
     variance = np.column_stack(

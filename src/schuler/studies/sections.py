@@ -324,7 +324,9 @@ class FilterSection(Section):
     speed_is: Literal["ground", "water", "air"] = key(
         "ground", 'what a speed table feels; "water" and "air" estimate the current or wind as two states'
     )
-    robust: bool = key(True, "false: every measurement is taken as it comes, however far off, as in a textbook")
+    robust: bool = key(
+        True, "false: as in a textbook: a measurement is taken however far off, an IMU may be told to have no noise"
+    )
     loop: Literal["closed", "open"] = key("closed", '"open": errors are kept beside an INS that runs free, for study')
     distrust_s: float = key(60.0, "so long fixes may contradict the filter wildly before it believes them", "s", ge=0)
     vertical: Literal["free", "held", "zeroed"] = key(

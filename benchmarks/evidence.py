@@ -162,10 +162,8 @@ def oeson(runs: int, seed: int, raw: dict[str, Any]) -> Iterator[Claim]:
                 value, old = s[key], published[k]
                 if case in BETTER:
                     limit = old * (1.0 + WITHIN)
-                    tight = not (
-                        case.startswith("landmarks") and path == "turns" and what == "tilt"
-                    )  # see docs/optics.md
-                    holds = value <= limit if tight else None
+                    small = case.startswith("landmarks") and path == "turns" and what == "tilt"  # half an arcsecond
+                    holds = None if small else value <= limit
                     yield Claim(part, f"rms {what}", value, unit, f"about {old:g} or less", holds, honesty)
                 else:
                     near = abs(value - old) <= WITHIN * old

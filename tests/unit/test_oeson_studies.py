@@ -1,4 +1,4 @@
-"""The thesis's flights and listings as studies: the files are the cases, and what is true is not what a filter is told."""
+"""The thesis's flights and listings as studies: the files are the cases; what is true is not what a filter is told."""
 
 from __future__ import annotations
 

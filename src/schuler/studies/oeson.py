@@ -93,7 +93,7 @@ def landmarks(each_s: int, px: float, **simulate: float) -> Raw:
     }
 
 
-# --- listing A.2: open loop, 15 states, 2-D fixes of 3 m a second ------------------------------------------------------
+# --- listing A.2: open loop, 15 states, 2-D fixes of 3 m a second -----------------------------------------------------
 G = 9.81
 A2: Raw = _merged(
     OESON,
@@ -119,7 +119,8 @@ A2_PRINTED = _merged(A2, ZEROED, A2_P0, A2_GYRO_P0, A2_GYRO_Q, A2_ACCEL_Q, NO_WA
 # --- listing A.3: closed loop, 18 states of which 15 live, 3-D fixes of 1.5 m at 10 Hz --------------------------------
 A3_TRUE = {"gyro_arw_deg_per_sqrt_h": [0.09, 0.05, 0.04]}
 A3_IMU = {
-    **A3_TRUE, "accel_vrw_mps_per_sqrt_h": 0.0006, "gyro_bias_deg_per_h": 2.0, "accel_bias_ug": 200.0, "gyro_instability_deg_per_h": 0.05,
+    **A3_TRUE, "accel_vrw_mps_per_sqrt_h": 0.0006, "gyro_bias_deg_per_h": 2.0, "accel_bias_ug": 200.0,
+    "gyro_instability_deg_per_h": 0.05,
     "accel_instability_ug": 10.0, "gyro_tau_s": 1e4, "accel_tau_s": 1e4,
 }  # fmt: skip
 A3: Raw = {

@@ -59,7 +59,7 @@ def test_landmarks_hold_the_ins_at_decimetres(flown):
 
 def test_the_page_shows_the_picture_the_map_and_what_each_landmark_adds(flown):
     section = optics.sightings(View(flown))
-    assert section is not None and [f.id for f in section.figures] == ["fig-picture", "fig-landmarks"]
+    assert section is not None and [f.id for f in section.figures] == ["fig-picture", "fig-landmarks", "fig-residuals"]
     (grid,) = section.grids
     assert len(grid.rows) == 8
     gains = [float(row[-1]) for row in grid.rows]
@@ -191,3 +191,26 @@ def test_a_rough_start_stays_honest(seed):
     assert made.summary["consistency"]["nees_position"] < 2.5
     assert made.summary["errors"]["filter"]["horizontal_m"]["end"] < 2.0
     assert not [n for n in made.notes if "sighting" in n]
+
+
+def test_refused_sightings_are_told_from_those_let_in():
+    made = run_study(parse_study(raw(simulate={"wrong_names_percent": 20})), seed=3)
+    view = View(made)
+    seen, points = made.tables["sightings"], made.tables["landmarks"]
+    told = optics.taken(view, seen, optics._which(seen, points))
+    assert told is not None and len(told.row) > 700
+    innovations = made.navigation.innovations["sightings"]
+    assert int((~told.used).sum()) == int((~innovations.used).sum()) > 50
+    sizes = np.hypot(*told.innovation.T)
+    assert np.median(sizes[~told.used]) > 20.0 * np.median(sizes[told.used])
+    section = optics.sightings(view)
+    assert section is not None and section.figures[-1].id == "fig-residuals"
+    assert any(t["name"] == "refused" for f in section.figures for t in f.spec["data"])
+
+
+def test_the_page_shows_what_is_known_of_yaw(flown):
+    section = optics.yaw(View(flown))
+    assert section is not None and section.figures[0].id == "fig-yaw"
+    assert "Heading is known to" in section.lead
+    without = run_study(parse_study(raw(simulate={"sightings_per_s": 0, "gnss_hz": 1})), seed=3)
+    assert optics.yaw(View(without)) is None

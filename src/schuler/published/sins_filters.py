@@ -92,7 +92,7 @@ def _table() -> list[Row]:
         for path, published in zip(("straight", "turns"), both, strict=True):
             kept = KEPT[f"{case} {path}"]
             where = f"{AGAIN}{TITLES[case]}, {'straight' if path == 'straight' else 'with turns'}"
-            dishonest = f"error / sigma {kept.ratio_low:.2g} to {kept.ratio_high:.2g}"
+            dishonest = f"error / sigma {kept.ratio_low:.3g} to {kept.ratio_high:.3g}"
             for what, unit, old, ours in zip(FIGURES, UNITS, published, kept.figures, strict=True):
                 verdict, reason = _verdict(case in BETTER, old, ours)
                 made.append(
@@ -125,7 +125,7 @@ def _faults() -> list[Row]:
             made.append(
                 Row(SOURCE, f"{listing}, one fault at a time", f"position with {name}, {path}", "m", None,
                     bad.figures[0], CORRECTED,
-                    f"{wrong}; {cost}; error / sigma up to {bad.ratio_high:.2g} for {good.ratio_high:.2g}")
+                    f"{wrong}; {cost}; error / sigma up to {bad.ratio_high:.3g} for {good.ratio_high:.3g}")
             )  # fmt: skip
     early = 0.0178 * 2.0 * 0.1 * 3437.75  # the fastest turn, two steps of 0.1 s, arcmin
     made.append(

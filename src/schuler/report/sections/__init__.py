@@ -37,6 +37,7 @@ _AIDED: tuple[Chapter, ...] = (
     states.gyro_biases,
     states.learnt,
     optics.sightings,
+    optics.yaw,
     optics.ground,
     sweep.sweep,
     consistency.distrust,

@@ -14,6 +14,7 @@ from schuler.ground.camera import Camera
 from schuler.ground.earth import WGS84, C_en
 from schuler.ground.frames import dcm_from_euler
 from schuler.ground.tables import Table
+from schuler.ground.units import DEG_PER_H
 from schuler.report import decimate, figures
 from schuler.report.figures import BOUND, FILTER, FIX, REJECTED, SMOOTHED, TRUTH, Panel
 from schuler.report.parts import Figure, Grid, Section, number, plural
@@ -46,8 +47,11 @@ def sightings(view: View) -> Section | None:
         return None
     at = _which(seen, points)
     picture = _picture(view, camera, seen, points, at)
-    shown = [_map(view, points, at, picture)]
+    told = taken(view, seen, at)
+    shown = [_map(view, points, at, picture, told)]
     grids: list[Grid] = []
+    if told is not None and len(told.row):
+        shown.append(_residuals(view, seen, told))
     if picture is not None:
         shown.insert(0, _picture_figure(view, camera, picture))
         gains = what_each_adds(picture, camera)
@@ -59,6 +63,31 @@ def sightings(view: View) -> Section | None:
         f"{plural(count, 'picture')}, {number(len(seen) / max(count, 1), 2)} each; {number(camera.sigma, 2)} px."
     )
     return Section("camera", "What the camera sees", lead, figures=shown, grids=grids)
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What the filter made of sightings: row of the table, innovation (n, 2) px, whether it was let in."""
+
+    row: NDArray[np.int64]
+    innovation: Array
+    used: NDArray[np.bool_]
+
+
+def taken(view: View, seen: Table, at: NDArray[np.int64]) -> Taken | None:
+    """The innovations beside their rows: pictures of which the filter took, or refused, every sighting."""
+    told = view.result.navigation.innovations.get("sightings")
+    if told is None or not len(told.time):
+        return None
+    row = np.flatnonzero((at >= 0) & np.isfinite(seen["u"]) & np.isfinite(seen["v"]))
+    row = row[np.argsort(seen.time[row], kind="stable")]
+    time = seen.time[row]
+    here, counts = np.unique(time, return_counts=True)
+    there, numbers = np.unique(told.time, return_counts=True)
+    both, i, j = np.intersect1d(here, there, return_indices=True)
+    whole = both[counts[i] == numbers[j]]
+    mine = np.isin(told.time, whole)
+    return Taken(row[np.isin(time, whole)], np.asarray(told.value)[mine, :2], np.asarray(told.used)[mine])
 
 
 def camera_of(view: View) -> Camera | None:
@@ -196,7 +225,51 @@ def _picture_figure(view: View, camera: Camera, picture: Picture) -> Figure:
     )  # fmt: skip
 
 
-def _map(view: View, points: Table, at: NDArray[np.int64], picture: Picture | None) -> Figure:
+def _residuals(view: View, seen: Table, told: Taken) -> Figure:
+    """Innovations of sightings from the whole track, as lines from where each was seen."""
+    some = decimate.thin(len(told.row), 600)
+    good = told.used[some]
+    uv, e = seen.stack("u", "v")[told.row[some]], told.innovation[some]
+    size = float(np.median(np.hypot(*e[good].T))) if good.any() else 1.0
+    wide = float(np.max(np.ptp(uv, axis=0), initial=1.0))
+    gain = 10.0 ** math.floor(math.log10(max(0.06 * wide / max(size, 1e-3), 1.0)))
+    gap = np.full((int(good.sum()), 2), np.nan)
+    lines = np.stack([uv[good], uv[good] + gain * e[good], gap], axis=1).reshape(-1, 2)
+    data: list[dict[str, Any]] = [
+        {
+            "type": "scatter", "mode": "lines", "x": view.pool.add(lines[:, 0]), "y": view.pool.add(lines[:, 1]),
+            "name": f"innovation, {gain:g} times", "line": {"color": BOUND, "width": 1.0}, "hoverinfo": "skip",
+        }
+    ]  # fmt: skip
+    for name, rows, color, symbol in (("let in", good, FIX, "circle"), ("refused", ~good, REJECTED, "x")):
+        if rows.any():
+            data.append(
+                {
+                    "type": "scatter", "mode": "markers", "x": view.pool.add(uv[rows, 0]),
+                    "y": view.pool.add(uv[rows, 1]), "name": name,
+                    "text": [
+                        f"{figures.label(str(seen['id'][k]))} at {seen.time[k]:.1f} s" for k in told.row[some][rows]
+                    ],
+                    "marker": {"color": color, "size": 4 if name == "let in" else 7, "symbol": symbol},
+                    "hovertemplate": "%{text}<br>u %{x:.1f}, v %{y:.1f} px",
+                }
+            )  # fmt: skip
+    low, high = uv.min(axis=0), uv.max(axis=0)
+    pad = 0.08 * float(np.max(high - low)) + 20.0
+    box = (float(low[0] - pad), float(high[0] + pad), float(low[1] - pad), float(high[1] + pad))
+    caption = (
+        f"{len(some)} of {len(told.row)} sightings of the whole track where they were seen; innovation = measured − "
+        f"predicted before it was used, drawn {gain:g} times as long. Without order they are noise; all outwards or "
+        "inwards is the focal length, all turning the mounting."
+    )
+    return figures.plan(
+        "fig-residuals", "All pictures", data, box, caption, labels=("u, px", "v, px"), width_px=500, half=True
+    )
+
+
+def _map(
+    view: View, points: Table, at: NDArray[np.int64], picture: Picture | None, told: Taken | None = None
+) -> Figure:
     """All landmarks and the whole track where they fit one map; else what lies around the picture."""
     ned = view.ned(points["lat"], points["lon"])
     counts = np.bincount(at[at >= 0], minlength=len(points))
@@ -228,8 +301,15 @@ def _map(view: View, points: Table, at: NDArray[np.int64], picture: Picture | No
         }
     )  # fmt: skip
     if picture is not None:
-        data.append(_points(view, ned[picture.which], "in the picture", REJECTED, 7, [str(i) for i in picture.id]))
+        data.append(_points(view, ned[picture.which], "in the picture", BOUND, 7, [str(i) for i in picture.id]))
         data.append(_points(view, track[[picture.row]], "vehicle then", TRUTH, 9, ["vehicle"], symbol="triangle-up"))
+    if told is not None and not told.used.all():
+        out = np.unique(at[told.row[~told.used]])
+        out = out[(ned[out, :2] >= low - 1.0).all(axis=1) & (ned[out, :2] <= high + 1.0).all(axis=1)]
+        out = out[decimate.thin(len(out), 1000)]
+        if len(out):
+            names = [f"{points['id'][i]}: refused at least once" for i in out]
+            data.append(_points(view, ned[out], "refused", REJECTED, 7, names, symbol="x"))
     pad = 0.04 * float(np.max(high - low)) + 5.0
     box = (float(low[1] - pad), float(high[1] + pad), float(low[0] - pad), float(high[0] + pad))
     more = "" if len(rows) == len(used) else f" {len(rows)} of {len(used)} are drawn."
@@ -286,3 +366,44 @@ def ground(view: View) -> Section | None:
     caption = f"{plural(len(beams), 'range')} of the lidar; above the ellipsoid."
     figure = figures.stack("fig-ground", "Over the ground", [panel], view.axis, caption)
     return Section("ground", "Over the ground", figures=[figure]) if figure else None
+
+
+def yaw(view: View) -> Section | None:
+    """How well heading and the z gyro are known over time, beside the horizontal acceleration that shows them."""
+    if view.result.tables.get("sightings") is None or not len(view.filter.solution):
+        return None
+    solution = view.filter.solution
+    variance = np.asarray(solution.cov_rpy)[:, 2, 2]
+    if not np.isfinite(variance).any():
+        return None
+    sigma = np.rad2deg(np.sqrt(np.maximum(variance, 0.0))) * 60.0
+    known = Panel("sigma of heading, arcmin", height=130, log=True)
+    known.traces.append(figures.line(view.pool, view.axis, solution.time, sigma, "filter", FILTER, ".3~g"))
+    if view.smoother is not None:
+        late = np.rad2deg(np.sqrt(np.maximum(view.smoother.solution.cov_rpy[:, 2, 2], 0.0))) * 60.0
+        known.traces.append(
+            figures.line(view.pool, view.axis, view.smoother.solution.time, late, "smoothed", SMOOTHED, ".3~g")
+        )
+    panels = [known]
+    bias = view.result.navigation.states.get("gyro_bias_z")
+    if bias is not None and len(bias.time):
+        gyro = Panel("sigma of z gyro bias, deg/h", height=110, log=True)
+        gyro.traces.append(
+            figures.line(view.pool, view.axis, bias.time, bias.std / DEG_PER_H, "filter", FILTER, ".3~g")
+        )
+        panels.append(gyro)
+    if len(solution) > 4:
+        slope = np.gradient(solution.v_n[:, :2], solution.time, axis=0)
+        moved = Panel("horizontal acceleration, m/s²", height=90)
+        moved.traces.append(
+            figures.line(view.pool, view.axis, solution.time, np.hypot(*slope.T), "filter", FILTER, ".2f")
+        )
+        panels.append(moved)
+    good = sigma[np.isfinite(sigma)]
+    lead = (
+        f"Heading is known to {number(float(good[0]), 2)} arcmin at first and to {number(float(good[-1]), 2)} at the "
+        "end (1 sigma). Pictures of several landmarks show it directly; fixes, or one landmark at a time, show it only "
+        "where the vehicle accelerates sideways."
+    )
+    figure = figures.stack("fig-yaw", "What is known of yaw", panels, view.axis, "Estimated standard deviations.")
+    return Section("yaw", "What is known of yaw", lead, figures=[figure]) if figure else None

@@ -86,7 +86,10 @@ def navigate(tables: Tables, settings: AidedSettings, sensors: Sequence[Sensor] 
     first = int(np.searchsorted(rows[:, 0], start.time + 1e-9))
     rows, still, events = rows[first:], still[first:], events.since(start.time)
     if len(rows) < 2:
-        raise InputError(f"the start at {start.time:.2f} s leaves fewer than two IMU rows to navigate with")
+        raise InputError(
+            f"the start at {start.time:.2f} s leaves fewer than two IMU rows to navigate with; where it was found so "
+            "late, type [start] heading_deg"
+        )
     inner_rate = 10.0 + 1.0 / settings.nhc_interval + 2.0 / settings.still_interval
     span = float(rows[-1, 0]) - start.time
     nodes = max_nodes(settings, events, span)

@@ -68,7 +68,9 @@ def _lag(t: Array, yaw: Array, when: Array, course: Array, most: float) -> tuple
         loss[k] = float(np.mean(np.minimum(np.abs(e), most) ** 2))
     rate = 1.0 / float(np.median(step[i]))
     # neighbouring courses err together
-    return _best(lags, loss, len(i) / max(1.0, rate))
+    found = _best(lags, loss, len(i) / max(1.0, rate))
+    # where no lag explains the changes much better than another, the least of noise is no lag
+    return found if loss.max() > 1.5 * loss.min() else None
 
 
 def _slow(e: Array, when: Array) -> Array:

@@ -21,7 +21,8 @@ class StartState:
     """Where a filter begins: time s, q_nb (4), v_n (3), lat, lon rad, height m; cov (9, 9) of (phi, dv, dr NED m).
 
     gyro_bias, gyro_bias_std (3,): where the start knows them better than the datasheet. level_from_force: the level
-    came from the accelerometers, whose bias it therefore holds.
+    came from the accelerometers, whose bias it therefore holds. slow (3,) m: how much of the position's error is the
+    slow one of the fix that it was read from. sea: m, where the height was read from a depth below an unknown surface.
     """
 
     time: float
@@ -35,6 +36,8 @@ class StartState:
     gyro_bias_std: Array | None = None
     level_from_force: bool = True
     notes: list[str] = field(default_factory=list)
+    slow: Array | None = None
+    sea: float | None = None
 
 
 @dataclass
@@ -137,8 +140,25 @@ class Engine:
         a = lay.ie[k.BA]
         if start.level_from_force and a >= 0:
             self._level_holds_bias(a)
+        self._place_holds_bias(start)
         self.S[:, :] = np.eye(lay.n)
         self.dx[:] = 0.0
+
+    def _place_holds_bias(self, start: StartState) -> None:
+        """A position read off a fix errs with its slow error: dr = fix error, estimate of that 0: cov(dr, GB) = -s^2.
+
+        A height read off a depth below a surface 0 +- sea: dr_D = -(surface's error).
+        """
+        from schuler.kernels import aided_state as k
+
+        P, b, z = self.P, self.layout.ie[k.GB], self.layout.ie[k.DB]
+        if start.slow is not None and b >= 0:
+            for i in range(3):
+                P[k.DR + i, b + i] = P[b + i, k.DR + i] = -min(start.slow[i] ** 2, P[b + i, b + i])
+        if start.sea is not None and z >= 0:
+            self.x[k.PAR + k.DB] = 0.0
+            P[z, z] = start.sea**2
+            P[k.DR + 2, z] = P[z, k.DR + 2] = -(start.sea**2)
 
     def _level_holds_bias(self, a: int) -> None:
         """A level read off the accelerometers errs with their bias: phi_E = (C db)_N / g, phi_N = -(C db)_E / g."""

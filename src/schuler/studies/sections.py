@@ -359,6 +359,9 @@ class SweepSection(Section):
 
 
 class AlignSection(Section):
+    method: Literal["auto", "still", "moving"] = key(
+        "auto", '"moving": by the fixes, with the filter of kind "aided"; "auto": where there is no still stretch'
+    )
     from_s: float | None = key(None, "absent: the first still stretch", "s")
     to_s: float | None = key(None, "absent: the first still stretch", "s")
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from schuler.ground.errors import InputError, StudyError
-from schuler.ground.tables import Tables
+from schuler.ground.tables import Table, Tables
 from schuler.studies.inputs import to_body
 from schuler.studies.run import DEFAULT_SEED, Progress, made_by, silent
 
@@ -34,7 +34,7 @@ def align_study(
     s, window = study.start, study.align
     method = window.method if window is not None else "auto"
     notes: list[str] = []
-    tables: Tables = {}
+    tables: dict[str, Table] = {}
     if "imu" in study.input.tables:
         from schuler.studies.inputs import check_gravity, read_tables
 

@@ -80,8 +80,8 @@ def align_moving(study: Study, tables: Tables, declination: float | None, progre
     rows, still, events = rows[first:], still[first:], events.since(start.time)
     time, std = [start.time], [_rpy(engine)[2]]
     engine.kept = room(layout.n, events=len(events), inner=1)
-    steps = np.linspace(0, len(rows), 61).astype(int)[1:] if len(rows) else []
-    for upto in np.unique(steps):
+    steps: Array = np.linspace(0, len(rows), 61)[1:]
+    for upto in np.unique(steps.astype(int)).tolist():
         engine.run(rows[:upto], still[:upto], events, 1.0)
         time.append(float(engine.x[_t()]))
         std.append(_rpy(engine)[2])

@@ -31,6 +31,7 @@ WINDOWS_S = (8.0, 15.0, 30.0, 60.0, 120.0, 240.0)
 SURE = 0.2  # rad
 UNSURE = 0.5  # rad: no start with less
 BETTER = 18.0  # 2 log-likelihood by which the best heading must beat the others
+NUMBERS = 40  # read off fixes: with fewer the 15 unknowns of a start fit too many headings
 AS_GOOD = 6.0  # less than this is no difference
 MOVING_STD = 0.08  # rad: of a level read off in motion
 BLIND_STD = 0.25  # rad: the same without knowing the acceleration
@@ -54,7 +55,7 @@ def in_motion(
     events = _known(events, first, float(rows[-1, 0]))
     for engine in bank:
         engine.kept = room(layout.n, events=len(events), inner=1)
-    until, best, lead = first, 0, 0.0
+    until, best, lead, told = first, 0, 0.0, False
     headings, sigmas, costs = np.zeros(BANK), np.zeros(BANK), np.zeros(BANK)
     for window in WINDOWS_S:
         until = min(first + window, float(rows[-1, 0]))
@@ -66,11 +67,13 @@ def in_motion(
         best = int(np.argmin(costs))
         others = np.abs(wrap_pi(headings - headings[best])) > max(0.35, 3.0 * sigmas[best])
         lead = float(np.min(np.where(others, costs, np.inf))) - float(costs[best])
-        if (sigmas[best] < SURE and lead > BETTER) or until >= rows[-1, 0]:
+        told = _numbers(bank[best]) >= NUMBERS
+        if (told and sigmas[best] < SURE and lead > BETTER) or until >= rows[-1, 0]:
             break
-    sure = math.isfinite(costs[best]) and sigmas[best] < (SURE if live else UNSURE)
+    sure = told and math.isfinite(costs[best]) and sigmas[best] < (SURE if live else UNSURE)
     if not sure or not lead > (BETTER if live else AS_GOOD):
-        why = f"1 sigma {math.degrees(sigmas[best]):.0f} deg" if not sure else "two headings fit alike"
+        why = "two headings fit alike" if sure else f"1 sigma {math.degrees(sigmas[best]):.0f} deg"
+        why = why if told else f"fixes gave {_numbers(bank[best])} numbers, it takes {NUMBERS}"
         raise InputError(
             f"the heading could not be found from the motion within {until - first:.0f} s ({why}): it takes "
             'accelerations that the fixes see; type [start] heading_deg, or [filter] constraints = ["nhc"] for a '
@@ -206,7 +209,8 @@ def _found(engine: Engine, s: AidedSettings, first: float, until: float, lead: f
     x = engine.x
     engine.c[k.GATE], engine.c[k.OPEN_LOOP] = float(s.gate), float(s.open_loop)
     engine.c[k.T0] = x[k.T]
-    x[k.NEXT] = x[k.TNODE] = x[k.T]
+    x[k.NEXT] = x[k.T]
+    x[k.TNODE] = x[k.T] - engine.c[k.NODE_DT]  # the first row ends a node: the smoother begins there
     x[k.BADH] = x[k.BADV] = x[k.BADS] = -1e300
     x[k.HARD : k.NEXT] = 0.0
     engine.S[:, :] = np.eye(engine.layout.n)
@@ -221,6 +225,12 @@ def _found(engine: Engine, s: AidedSettings, first: float, until: float, lead: f
         float(x[k.T]), x[k.QUAT : k.QUAT + 4].copy(), x[k.VEL : k.VEL + 3].copy(), float(x[k.LAT]), float(x[k.LON]),
         float(x[k.HGT]), engine.P[:9, :9].copy(), notes=[note],
     ), engine  # fmt: skip
+
+
+def _numbers(engine: Engine) -> int:
+    """How many scalar readings a filter took in."""
+    done = int(engine.kept.counts[1])
+    return int(np.nansum(engine.kept.innov[:done, :, 7]))
 
 
 def _cost(engine: Engine) -> tuple[float, float, float]:

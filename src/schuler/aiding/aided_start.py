@@ -123,6 +123,10 @@ def _still_stretch(rows: Array, tables: Tables, s: AidedSettings, place: Places,
             return None
     if found.start > rows[0, 0] + 60.0 or found.to - found.start < 2.0:
         return None
+    if found.to < rows[-1, 0] - 1.0 and found.to - found.start > 6.0 and s.start.time is None:
+        # it ended because the vehicle moved off, which is felt a little later than it began
+        early = found.to - min(2.0, 0.2 * (found.to - found.start))
+        found = align(tables["imu"], sensor, lat=lat, start=found.start, to=early)
     # fixes that move say that this quiet was a smooth road
     inside = (place.time >= found.start) & (place.time <= found.to)
     if inside.any() and np.isfinite(place.v[inside, 0]).any():

@@ -55,6 +55,7 @@ def runs(page: Path) -> bool:
 
 def played_pages() -> list:
     slow = {"README.md", "tutorial-auv.md", "how-to-own-data.md", "tutorial-online.md", "tutorial-optics.md"}
+    slow |= {"tutorial-online-aided.md"}
     return [
         pytest.param(p, id=page_id(p), marks=[pytest.mark.slow] if p.name in slow else []) for p in PAGES if runs(p)
     ]

@@ -27,6 +27,8 @@ class Places:
 
     def __init__(self, tables: Tables, s: AidedSettings) -> None:
         self.s, self.tables = s, tables
+        first = tables["imu"].time[:1]
+        self.typed_at = s.start.time if s.start.time is not None else float(first[0]) if len(first) else -math.inf
         self.time = np.zeros(0)  # stamps
         gnss = tables.get("gnss")
         if gnss is None:
@@ -100,6 +102,11 @@ class Places:
         place: list[float | None] = [start.lat, start.lon, start.height]
         v: list[float | None] = [None] * 3 if moved else list(start.v_n)
         std = np.array([math.nan if x is None else x for x in start.std_pos])
+        if i is not None and not standing and time > self.typed_at + 1.0 and self.time[i] > self.typed_at:
+            # what is typed belongs to another moment: the fix knows better
+            place[:2], std[:2] = [None, None], math.nan
+            if self.known_up[i]:
+                place[2], std[2] = None, math.nan
         vstd = np.array([math.nan if x is None or moved else x for x in start.std_vel])
         cov = np.zeros((9, 9))
         cov[:3, :3] = cov_phi

@@ -67,7 +67,8 @@ def align_moving(study: Study, tables: Tables, declination: float | None, progre
     tables = within(tables, from_s, to_s)
     settings = aided_settings(study, declination=declination)
     given = settings.start
-    settings = replace(settings, start=Start(lat=given.lat, lon=given.lon, height=given.height), smoother=False)
+    place = Start() if "gnss" in tables else Start(lat=given.lat, lon=given.lon, height=given.height)
+    settings = replace(settings, start=place, smoother=False)
     settings, notes = settled(tables, settings)
     assert settings.estimate is not None
     rows = imu_rows(tables["imu"])

@@ -245,6 +245,43 @@ def _paper() -> Work:
 ONLINE = 5000
 
 
+@task("aided filter online, one predict from Python", "calls/s", ONLINE)
+def _aided_online() -> Work:
+    import numpy as np
+
+    from schuler.aiding.aided_aids import aids_of
+    from schuler.aiding.aided_online import AidedFilter
+    from schuler.aiding.aided_rows import imu_rows
+    from schuler.aiding.aided_settings import AidedSettings
+    from schuler.truth import manoeuvres
+    from schuler.truth.aided import AidedSuite, simulate
+    from schuler.truth.catalogue import GRADES
+
+    path = manoeuvres.car(0.9, 0.5, stand=0.0, duration=80.0)
+    made = simulate(path, GRADES["mems-car"], AidedSuite(imu_kind="rates"), seed=1)
+    nav = AidedFilter(AidedSettings(constraints=("nhc",)), sensors=("gnss",))
+    rows, aids = imu_rows(made.tables["imu"]), aids_of(made.tables, nav.settings)
+    i = 0
+    while not nav.started:
+        nav.predict(rows[i])
+        while aids and aids[0].time <= rows[i, 0]:
+            nav.update(aids.pop(0))
+        i += 1
+    dt = float(np.median(np.diff(rows[:, 0])))
+    todo = iter(np.tile(rows[i : i + ONLINE], (40, 1)))
+    time = nav.time
+
+    def feed() -> None:
+        nonlocal time
+        for _ in range(ONLINE):
+            row = next(todo)
+            time += dt
+            row[0] = time
+            nav.predict(row)
+
+    return feed
+
+
 @task("AUV filter online, one predict from Python", "calls/s", ONLINE)
 def _online() -> Work:
     from schuler.aiding.auv import AuvFilter, AuvSettings, input_rows, make_filter, measurements_of

@@ -171,12 +171,13 @@ def usual_rate(kind: str, s: AidedSettings) -> float | None:
 
 
 def aids_of(tables: Tables, settings: AidedSettings) -> list[Aid]:
-    """The tables' rows as measurements in the order in which the batch filter takes them."""
+    """The tables' rows as measurements in the order in which the batch filter takes them (no sightings, no lidar)."""
     from schuler.aiding.aided_rows import events_of
 
     return [
         Aid(KIND_OF[kind], time, tuple(z), ready=True)
         for time, kind, z in zip(*_lists(events_of(tables, settings)), strict=True)
+        if kind in KIND_OF
     ]
 
 

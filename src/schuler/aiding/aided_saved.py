@@ -8,7 +8,7 @@ import struct
 import zlib
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,21 +29,23 @@ MAGIC = b"SCHULER-AIDED-1\n"
 def save(nav: AidedFilter) -> bytes:
     """See `AidedFilter.save`."""
     from schuler.aiding.aided_online import STATE
+    from schuler.aiding.aided_window import first_node
 
     e, w = nav.engine, nav._wait
     n = int(e.kept.counts[nav._NODES])
+    first = first_node(nav, n) if n and nav.started else 0  # what has left the lag is not told
     arrays: list[Array] = [getattr(e, name) for name in STATE]
     arrays += [e.c, e.ring, nav._ear.numbers, nav._ear.window, *nav._rows, *w.rows]
     for mark in (*nav._marks, *((nav._undo,) if nav._undo is not None else ())):
         arrays += [*mark.state, mark.ring]
     if nav.lag_s > 0.0:
-        arrays += [a[:n] for a in (*e.kept.nodes, e.kept.node_time, e.kept.node_std)]
+        arrays += [a[first:n] for a in (*e.kept.nodes, e.kept.node_time, e.kept.node_std)]
     head: dict[str, Any] = {
-        "settings": asdict(nav.settings), "sensors": nav.sensors, "own": list(nav.own), "late_s": nav.late_s,
+        "settings": asdict(replace(nav.settings, camera=None, height_model=None)), "sensors": nav.sensors, "own": list(nav.own), "late_s": nav.late_s,
         "lag_s": nav.lag_s, "interval": nav.interval, "started": nav.started, "lost": nav.lost, "start": nav.start_time,
-        "notes": nav.notes, "pending": nav._pending, "done": nav._done, "slots": nav._slots, "nodes": n,
-        "marks": [[m.time, m.nodes] for m in nav._marks],
-        "undo": None if nav._undo is None else [nav._undo.time, nav._undo.nodes],
+        "notes": nav.notes, "pending": nav._pending, "done": nav._done, "slots": nav._slots, "nodes": n - first,
+        "marks": [[m.time, m.nodes - first] for m in nav._marks],
+        "undo": None if nav._undo is None else [nav._undo.time, nav._undo.nodes - first],
         "shapes": [list(a.shape) for a in arrays], "rows": len(nav._rows), "waiting": len(w.rows),
         "aids": [[a.kind, a.time, list(a.z), a.ready] for a in w.aids], "next": w.next, "reason": w.reason,
         "innovations": {

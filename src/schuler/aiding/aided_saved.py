@@ -41,7 +41,8 @@ def save(nav: AidedFilter) -> bytes:
     if nav.lag_s > 0.0:
         arrays += [a[first:n] for a in (*e.kept.nodes, e.kept.node_time, e.kept.node_std)]
     head: dict[str, Any] = {
-        "settings": asdict(replace(nav.settings, camera=None, height_model=None)), "sensors": nav.sensors, "own": list(nav.own), "late_s": nav.late_s,
+        "settings": asdict(replace(nav.settings, camera=None, height_model=None)),
+        "sensors": nav.sensors, "own": list(nav.own), "late_s": nav.late_s,
         "lag_s": nav.lag_s, "interval": nav.interval, "started": nav.started, "lost": nav.lost, "start": nav.start_time,
         "notes": nav.notes, "pending": nav._pending, "done": nav._done, "slots": nav._slots, "nodes": n - first,
         "marks": [[m.time, m.nodes - first] for m in nav._marks],

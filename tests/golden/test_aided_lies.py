@@ -90,3 +90,21 @@ def test_ten_seconds_after_a_lie_the_filter_is_as_good_as_without(drive, clean, 
     assert found < 3.0 * plain + 0.02
     assert told and any(e["start_s"] < end and e["end_s"] > BEGIN for e in told)
     assert worst < 0.5 * (jump or 0.58 * walk * seconds)
+
+
+def test_a_wrong_arm_is_told_although_delays_and_mounting_take_it_in(drive):
+    """Off by 1.8 m: the true arm is found to 15 cm by the second look, and the right arm raises no word."""
+    from dataclasses import replace
+
+    from schuler.studies.arm_notes import second_look
+
+    tables, settings = drive
+
+    def look(arm):
+        s = replace(settings, antenna=arm, smoother=False)
+        return second_look(navigate(tables, s), s, lambda other: navigate(tables, other))
+
+    (words,) = look((1.5, -1.0, 0.0))
+    said = [float(x) for x in words.split("type antenna_frd_m = [")[1].split("]")[0].split(",")]
+    assert np.linalg.norm(np.array(said[:2]) - settings.antenna[:2]) < 0.15
+    assert look(settings.antenna) == []

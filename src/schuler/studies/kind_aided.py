@@ -13,6 +13,7 @@ from schuler.ground.errors import InputError, StudyError
 from schuler.ground.tables import Table
 from schuler.judging import outages
 from schuler.judging.result import Result
+from schuler.studies.arm_notes import second_look
 from schuler.studies.corrected import corrected
 from schuler.studies.inputs import (
     Inputs,
@@ -68,6 +69,8 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
     notes = [*inputs.notes, *unread(study), *navigation.notes, *more]
     made = made_by(study, seed)
     told = judged(study, made, navigation, inputs, tables, each, notes)
+    if "gnss" in tables and not any("antenna_frd_m" in note for note in notes):
+        notes += second_look(navigation, settings, lambda other: navigate(tables, other))
     told["outages"] = [
         outage_of(study, inputs.reference, navigation, o.sensor, rows, o.start_s, o.end_s) for o, rows in each
     ]

@@ -1,8 +1,9 @@
 """The flights and filters of the thesis's chapter 5.3 again: src/schuler/published/sins_filters_kept.py.
 
     python benchmarks/oeson.py [--runs 200] [--seed 2026] [--only NAME] [--fault-runs 50]
+    python benchmarks/oeson.py --page
 
-Some minutes. Figures of cases that are left out stay as they are kept.
+Some minutes. Figures of cases that are left out stay as they are kept. --page: docs/optics.md from what is kept.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 KEPT_FILE = Path(__file__).resolve().parents[1] / "src" / "schuler" / "published" / "sins_filters_kept.py"
+PAGE = KEPT_FILE.parents[3] / "docs" / "optics.md"
 HEAD = '''"""Kept figures of `sins_filters`; written by benchmarks/oeson.py."""
 
 from __future__ import annotations
@@ -58,7 +60,11 @@ def main() -> int:
     parser.add_argument("--fault-runs", type=int, default=50)
     parser.add_argument("--seed", type=int, default=2026)
     parser.add_argument("--only", default="")
+    parser.add_argument("--page", action="store_true")
     given = parser.parse_args()
+    if given.page:
+        page()
+        return 0
     todo = {name: (case, given.runs) for name, case in CASES.items()}
     todo |= {name: (case, given.fault_runs) for name, case in FAULTS.items() if case not in CASES.values()}
     found = {}
@@ -73,7 +79,20 @@ def main() -> int:
             found[key] = line(s)
             print(f"{key:40s} {found[key]}", flush=True)
     write(found)
+    print("now: python benchmarks/oeson.py --page")
     return 0
+
+
+def page() -> None:
+    """The tables of docs/optics.md made anew."""
+    from schuler.published.sins_filters import table_lines
+
+    text = PAGE.read_text(encoding="utf-8")
+    for name, faults in (("flights", False), ("faults", True)):
+        begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
+        start = text.index(begin) + len(begin)
+        text = text[:start] + "\n".join(table_lines(faults)) + "\n" + text[text.index(end) :]
+    PAGE.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

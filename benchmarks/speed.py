@@ -11,6 +11,8 @@ PROMISED = {  # task: least rate
     "AUV filter and smoother, 620 s at 100 Hz": 62_000 / 1.0,  # a whole run in a second
     "AUV filter, 620 s at 100 Hz": 200_000,
     "AUV filter online, one predict from Python": 1 / 20e-6,
+    "INS with 100 landmarks a second, 100 Hz, no smoother": 1800.0 / 2.0,
+    "pose from 100 sightings, compiled: search and least squares": 1 / 100e-6,
     "attitude filter, 6 axes": 3_000_000,
     "attitude filter, 9 axes": 3_000_000,
 }

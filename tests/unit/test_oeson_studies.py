@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from schuler.ground.units import DEG_PER_H, UG
+from schuler.published.sins_filters import FAULTS as WRONG
+from schuler.published.sins_filters import table_lines
+from schuler.published.sins_filters_kept import KEPT
 from schuler.studies.aided_mapping import aided_settings
 from schuler.studies.model import load_study, parse_study
 from schuler.studies.oeson import CASES, FAULTS, PATHS
@@ -77,3 +80,16 @@ def test_a_run_is_repeatable_and_told_in_the_table_s_units():
     assert np.array_equal(a.square, b.square) and not np.array_equal(a.square, c.square)
     assert len(a.ratio) == len(STATES)
     assert 100.0 < np.sqrt(a.square[0]) < 8000.0 and a.end > np.sqrt(a.square[0])
+
+
+@pytest.mark.parametrize("faults", [False, True])
+def test_the_page_shows_what_is_kept(faults):
+    page = (EXAMPLES.parent / "docs" / "optics.md").read_text(encoding="utf-8")
+    assert "\n".join(table_lines(faults)) in page, "renew it: python benchmarks/oeson.py --page"
+
+
+def test_all_that_is_told_is_kept():
+    alone = [name for name, case in FAULTS.items() if case not in CASES.values()]
+    told = {f"{case} {path}" for case in [*CASES, *alone] for path in PATHS}
+    assert told == set(KEPT)
+    assert {key for key, _, _ in WRONG.values()} <= {name.rsplit(" ", 1)[0] for name in KEPT}

@@ -134,3 +134,23 @@ def _faults() -> list[Row]:
             "tru_pitch(2) and tru_yaw(3) are the time samples 2 and 3, not angles 2 and 3; nothing in straight flight")
     )  # fmt: skip
     return made
+
+
+def table_lines(faults: bool = False) -> list[str]:
+    """The kept figures as a Markdown table: of the flights and filters, or of the faults beside what they spoil."""
+    head = ["case", "path", "position m", "velocity m/s", "tilt arcmin", "yaw arcmin", "error / sigma"]
+    names = {name: key for name, (key, _, _) in FAULTS.items()} if faults else {t: c for c, t in TITLES.items()}
+    lines = [f"| {' | '.join(head)} |", "|" + "---|" * len(head)]
+    for title, case in names.items():
+        published = None if faults else TABLE[case]
+        for k, path in enumerate(("straight", "turns")):
+            kept = KEPT[f"{case} {path}"]
+            told = [_short(x) + (f" ({published[k][i]:g})" if published else "") for i, x in enumerate(kept.figures)]
+            lines.append(
+                f"| {title} | {path} | {' | '.join(told)} | {kept.ratio_low:.2f} to {_short(kept.ratio_high)} |"
+            )
+    return lines
+
+
+def _short(x: float) -> str:
+    return f"{x:.0f}" if x >= 100.0 else f"{x:.3g}"

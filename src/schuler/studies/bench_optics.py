@@ -8,7 +8,7 @@ import numpy as np
 
 from schuler.studies.bench import Work, task
 
-POINTS, POSES, BEAMS, SAMPLES = 100, 200, 2000, 180_000
+POINTS, POSES, BEAMS, SAMPLES, FLOWN = 100, 200, 2000, 180_000, 1800.0
 
 
 def _scene() -> tuple[Any, Any, Any]:
@@ -91,3 +91,23 @@ def _ecef() -> Work:
     ideal = flight.ideal(100.0, every=100)
     start = Start.of(ideal.start)
     return lambda: StrapdownEcef(start).feed(ideal.dtheta, ideal.dv, ideal.dt, every=10)
+
+
+@task("INS with 100 landmarks a second, 100 Hz, no smoother", "s of flight/s", FLOWN, repeats=5)
+def _landmarks() -> Work:
+    from dataclasses import replace
+
+    from schuler.aiding.aided import navigate
+    from schuler.studies.kind_aided import started
+    from schuler.studies.model import parse_study
+    from schuler.studies.oeson import CASES, Case
+    from schuler.studies.simulated import simulation
+
+    case = Case("bench", CASES["landmarks-1px-6"].sections, FLOWN)
+    raw = case.raw("turns")
+    raw["trajectory"] |= {"rate_hz": 100.0}
+    raw["simulate"] |= {"sightings_hz": 10.0, "sightings_per_s": 100.0}
+    study = parse_study(raw)
+    recording = simulation(study).record(1)
+    settings = replace(started(study, recording), smoother=False)
+    return lambda: navigate(recording.tables, settings)

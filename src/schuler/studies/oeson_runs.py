@@ -92,7 +92,8 @@ def ensemble(
 ) -> dict[str, Any]:
     """RMS of `runs` runs with seeds `seed`, `seed` + 1, ...: "pos_m", "vel_mps", "tilt_arcmin", "yaw_arcmin", "end_m",
     "end_mps" (all rms over the runs), "ratio" (error / sigma, rms, of each of STATES), "ratio_low", "ratio_high" of
-    them, "end_ratio"; "spread": the standard error of "pos_m" over its value."""
+    them, "end_ratio"; "spread": the standard error of "pos_m" over its value;
+    "six": that of position, velocity, tilt and yaw, were there six runs."""
     runner = Runner(CASES[name] if isinstance(name, str) else name, path)
     found = []
     for k in range(runs):
@@ -102,7 +103,7 @@ def ensemble(
     square = np.array([f.square for f in found])
     ratio = np.sqrt(np.mean([f.ratio for f in found], axis=0))
     pos, vel, tilt, yaw = (float(x) for x in np.sqrt(square.mean(axis=0)))
-    scatter = float(square[:, 0].std() / square[:, 0].mean() / (2.0 * np.sqrt(runs)))
+    scatter = square.std(axis=0) / square.mean(axis=0) / 2.0
     return {
         "title": runner.case.title, "path": path, "runs": runs, "seed": seed,
         "pos_m": pos, "vel_mps": vel, "tilt_arcmin": tilt, "yaw_arcmin": yaw,
@@ -110,5 +111,7 @@ def ensemble(
         "end_mps": float(np.sqrt(np.mean([f.end_v**2 for f in found]))),
         "ratio": {s: float(r) for s, r in zip(STATES, ratio, strict=True)},
         "ratio_low": float(ratio.min()), "ratio_high": float(ratio.max()),
-        "end_ratio": float(np.sqrt(np.mean([f.end_ratio**2 for f in found]))), "spread": scatter,
+        "end_ratio": float(np.sqrt(np.mean([f.end_ratio**2 for f in found]))),
+        "spread": float(scatter[0] / np.sqrt(runs)),
+        "six": [float(x) for x in scatter / np.sqrt(6.0)],
     }  # fmt: skip

@@ -20,8 +20,7 @@ Again = Callable[[dict[str, Table]], Navigation]
 PICTURES = 300  # looked at, evenly over the track
 STRANGE = 3.0  # median NIS over what it should be, from which the track is not trusted to judge its own camera
 BLIND_M = 60.0  # sigma of a track without the camera up to which it judges the pictures
-# what the filter says itself, or what matters to a single picture's pose only
-_SAID = {"unknown", "no-height", "few", "line", "reach", "no-model"}
+_SAID = {"unknown", "no-height", "reach", "no-model"}  # what the filter says itself
 
 
 def optics_notes(study: Study, tables: Mapping[str, Table], navigation: Navigation, again: Again) -> list[str]:
@@ -58,7 +57,10 @@ def _camera(study: Study, tables: Mapping[str, Table], navigation: Navigation, a
         until = _good_until(blind)
         if until > blind.time[0] + 10.0 and np.isfinite(blind.rpy).all():
             track, seen = blind, seen.where(seen.time <= until)
-    return checks.camera(_thinned(seen), points, model, track)
+    seen = _thinned(seen)
+    pictures = len(np.unique(seen.time))
+    # a few pictures of one or two points are nothing to speak of beside an INS
+    return [f for f in checks.camera(seen, points, model, track) if f.code != "few" or 2 * f.rows > pictures]
 
 
 def _strange(navigation: Navigation) -> bool:

@@ -109,3 +109,27 @@ def test_a_vehicles_own_attitude_table_gives_the_heading(tmp_path):
     state = nav.states["heading_offset"]
     assert abs(state.value[-1] - offset) < 3.5 * state.std[-1] and state.std[-1] < np.radians(1.5)
     assert any("from the compass" in note for note in nav.notes)
+
+
+def test_an_imu_that_was_silent_for_a_minute_starts_anew():
+    """Two stretches, each with a start of its own; the second knows its place and its heading again, honestly."""
+    from schuler.aiding.aided import AidedSettings, navigate
+    from schuler.judging.consistency import nees
+    from schuler.judging.errors import error_series
+    from schuler.studies.simulated import simulation
+
+    raw = {
+        "study": {"name": "a", "kind": "aided"}, "start": START, "imu": {"preset": "consumer"},
+        "trajectory": {"preset": "car", "duration_s": 400.0, "rate_hz": 50.0}, "noise": {"gnss_correlated_m": 0.0},
+    }  # fmt: skip
+    made = simulation(parse_study(raw)).record(5)
+    imu = made.tables["imu"]
+    tables = {**made.tables, "imu": imu.where((imu.time < 150.0) | (imu.time > 210.0))}
+    nav = navigate(tables, AidedSettings(gnss_correlated_std=0.0, constraints=("nhc",)))
+    assert any("silent for 60 s until 210.0 s: navigation starts anew" in note for note in nav.notes)
+    time = nav.filter.time
+    assert (np.diff(time) > 0).all() and time[0] < 60.0 and time[-1] > 399.0
+    assert not ((time > 150.1) & (time < 210.0)).any()
+    late = error_series(nav.filter, made.reference).between(300.0, 400.0)
+    assert late.horizontal.max() < 4.0 and np.nanmean(nees(late.position[:, :2], late.cov_pos[:, :2, :2])) < 3.0
+    assert len(nav.smoother) == len(nav.filter) and len(nav.states["gyro_bias_z"].time) > 100

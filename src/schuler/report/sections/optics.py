@@ -377,7 +377,7 @@ def yaw(view: View) -> Section | None:
     if not np.isfinite(variance).any():
         return None
     sigma = np.rad2deg(np.sqrt(np.maximum(variance, 0.0))) * 60.0
-    known = Panel("sigma of heading, arcmin", height=130, log=True)
+    known = Panel("heading σ, arcmin", height=130, log=True)
     known.traces.append(figures.line(view.pool, view.axis, solution.time, sigma, "filter", FILTER, ".3~g"))
     if view.smoother is not None:
         late = np.rad2deg(np.sqrt(np.maximum(view.smoother.solution.cov_rpy[:, 2, 2], 0.0))) * 60.0
@@ -387,14 +387,14 @@ def yaw(view: View) -> Section | None:
     panels = [known]
     bias = view.result.navigation.states.get("gyro_bias_z")
     if bias is not None and len(bias.time):
-        gyro = Panel("sigma of z gyro bias, deg/h", height=110, log=True)
+        gyro = Panel("z gyro σ, deg/h", height=120, log=True)
         gyro.traces.append(
             figures.line(view.pool, view.axis, bias.time, bias.std / DEG_PER_H, "filter", FILTER, ".3~g")
         )
         panels.append(gyro)
     if len(solution) > 4:
         slope = np.gradient(solution.v_n[:, :2], solution.time, axis=0)
-        moved = Panel("horizontal acceleration, m/s²", height=90)
+        moved = Panel("accel., m/s²", height=110)
         moved.traces.append(
             figures.line(view.pool, view.axis, solution.time, np.hypot(*slope.T), "filter", FILTER, ".2f")
         )
@@ -402,8 +402,14 @@ def yaw(view: View) -> Section | None:
     good = sigma[np.isfinite(sigma)]
     lead = (
         f"Heading is known to {number(float(good[0]), 2)} arcmin at first and to {number(float(good[-1]), 2)} at the "
-        "end (1 sigma). Pictures of several landmarks show it directly; fixes, or one landmark at a time, show it only "
-        "where the vehicle accelerates sideways."
+        "end (1 sigma). Known landmarks show it as they pass; fixes show it only where the vehicle accelerates "
+        "sideways."
     )
-    figure = figures.stack("fig-yaw", "What is known of yaw", panels, view.axis, "Estimated standard deviations.")
+    figure = figures.stack(
+        "fig-yaw",
+        "What is known of yaw",
+        panels,
+        view.axis,
+        "Standard deviations; below them the horizontal acceleration.",
+    )
     return Section("yaw", "What is known of yaw", lead, figures=[figure]) if figure else None

@@ -199,12 +199,13 @@ def test_wrong_usage_is_status_2_with_a_sentence(program, arguments, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_unbuilt_kind_says_so(program, tmp_path):
-    (tmp_path / "s.toml").write_text('[study]\nname = "x"\nkind = "ahrs"\n[input]\n')
-    done = program("run", tmp_path / "s.toml")
-    if done.status == 0:
-        pytest.skip("kind ahrs is built by now")
-    assert done.status == 2 and "not built yet" in done.err and "auv" in done.err
+def test_every_kind_of_the_contract_is_built_and_another_is_refused():
+    from schuler.ground.errors import StudyError
+    from schuler.studies.run import built_kinds, runner_of
+
+    assert set(built_kinds()) == {"auv", "aided", "ahrs", "planar", "strapdown", "platform"}
+    with pytest.raises(StudyError, match="not built yet"):
+        runner_of("submarine")
 
 
 def test_an_error_inside_the_program_is_a_sentence_and_debug_shows_it(program, trial, monkeypatch):

@@ -13,6 +13,10 @@ PROMISED = {  # task: least rate
     "AUV filter online, one predict from Python": 1 / 20e-6,
     "INS with 100 landmarks a second, 100 Hz, no smoother": 1800.0 / 2.0,
     "pose from 100 sightings, compiled: search and least squares": 1 / 100e-6,
+    "aided filter, 15 states, fixes at 1 Hz, 200 Hz": 400_000,
+    "aided filter, 24 states, fixes at 1 Hz, 200 Hz": 200_000,
+    "aided filter and smoother, 15 states": 400_000 / 3.0,
+    "aided filter and smoother, 24 states": 200_000 / 3.0,
     "attitude filter, 6 axes": 3_000_000,
     "attitude filter, 9 axes": 3_000_000,
 }

@@ -227,7 +227,7 @@ def test_the_table_of_figures_shows_what_was_missed():
     assert "| mean error | 46.2 +- 2.1 m | w | **no** |" in table
     assert "| mean NIS of each kind | speed 0.99, depth 2.00 | inside 99 % bounds | **no** |" in table
     assert "| epochs | 412 345 m | w |  |" in table
-    assert table[-1] == "100 runs for each simulated row, seed 5; here."
+    assert table[-1].startswith("100 runs for each simulated row") and table[-1].endswith("seed 5; here.")
 
 
 def test_pictures():

@@ -383,4 +383,4 @@ def _platform_map() -> Work:
     return lambda: error_map(case, lat, heading, "position-independent")
 
 
-from schuler.studies import bench_optics  # noqa: E402, F401  (its tasks register themselves)
+from schuler.studies import bench_aided, bench_optics  # noqa: E402, F401  (their tasks register themselves)

@@ -132,8 +132,10 @@ def figures_table(evidence: dict[str, Any]) -> str:
             lines.append(f"| {claim['what']} | {value} | {claim['wanted']} | {_holds(claim['holds'])} |")
         lines += [_folded_row(name, group) for name, group in folded.items() if group]
     runs = evidence["runs"]
-    made = f"{runs} runs for each simulated row of the AUV and the paper, {min(runs, 200)} for the other simulated ones, seed "
-    made += f"{evidence['seed']}; {evidence['machine']}."
+    made = (
+        f"{runs} runs for each simulated row of the AUV and the paper, {min(runs, 200)} for the other simulated ones, "
+    )
+    made += f"seed {evidence['seed']}; {evidence['machine']}."
     return "\n".join([*lines, "", made]) + "\n"
 
 

@@ -25,7 +25,7 @@ from schuler.studies.inputs import (
     to_body,
     withhold,
 )
-from schuler.studies.kind_auv import judged
+from schuler.studies.judged import judged, swept
 from schuler.studies.magnetic import recorded_declination
 from schuler.studies.optics_notes import optics_notes
 from schuler.studies.run import DEFAULT_SEED, Progress, made_by, register
@@ -64,16 +64,17 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
     progress("navigating")
     navigation = navigate(tables, settings)
     progress("judging")
-    over, more = swept(study, inputs, settings, progress)
+
+    def judge(navigation: Navigation, *outage: Any) -> dict[str, Any]:
+        return outage_of(study, inputs.reference, navigation, *outage)
+
+    over, more = swept(study, inputs, lambda others: navigate(others, settings), progress, judge)
     more += optics_notes(study, tables, navigation, lambda others: navigate(others, settings))
     notes = [*inputs.notes, *unread(study), *navigation.notes, *more]
     made = made_by(study, seed)
-    told = judged(study, made, navigation, inputs, tables, each, notes)
+    told = judged(study, made, navigation, inputs, tables, each, notes, judge)
     if "gnss" in tables and not any("antenna_frd_m" in note for note in notes):
         notes += second_look(navigation, settings, lambda other: navigate(tables, other))
-    told["outages"] = [
-        outage_of(study, inputs.reference, navigation, o.sensor, rows, o.start_s, o.end_s) for o, rows in each
-    ]
     if study.sweep is not None:
         told["sweep"] = over
     return Result(
@@ -167,25 +168,3 @@ def outage_of(
         navigation, rows, sensor, start, end, reference, reference_frd=study.mounting.reference_frd_m, delay=delay,
         gnss_m=study.noise.gnss_m, correlated_m=correlated, antenna_frd=arm,
     )  # fmt: skip
-
-
-def swept(
-    study: Study, inputs: Inputs, settings: AidedSettings, progress: Progress
-) -> tuple[list[dict[str, Any]], list[str]]:
-    """ "sweep" of summary.json; [[outage]] has no part in it."""
-    from schuler.studies.sweep import sweep
-
-    if study.sweep is None:
-        return [], []
-    sensor = study.sweep.sensor
-    if sensor not in inputs.tables:
-        return [], [f"[sweep] sensor: there is no {sensor} table to withhold rows from; left out"]
-    return sweep(
-        inputs.tables,
-        sensor,
-        study.sweep.length_s,
-        study.sweep.settle_s,
-        lambda tables: navigate(tables, settings),
-        lambda navigation, rows, a, b: outage_of(study, inputs.reference, navigation, sensor, rows, a, b),
-        progress,
-    )

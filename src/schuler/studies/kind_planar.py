@@ -18,9 +18,9 @@ from schuler.judging.errors import circular, distance, error_series, summary
 from schuler.judging.result import Result
 from schuler.studies.auv_mapping import imu_model, output_rate, start_of
 from schuler.studies.inputs import Inputs, check_gravity, check_overlap, place_notes, read_tables, to_body, withhold
+from schuler.studies.judged import swept
 from schuler.studies.remarks import judging_notes
 from schuler.studies.run import Progress, made_by, register
-from schuler.studies.sweep import sweep
 from schuler.studies.warm import need
 
 if TYPE_CHECKING:
@@ -52,7 +52,13 @@ def run(study: Study, *, seed: int | None, progress: Progress) -> Result:
     progress("navigating")
     navigation = navigate(tables, settings, metres)
     progress("judging")
-    over, more = _swept(study, inputs, settings, metres, progress)
+    over, more = swept(
+        study,
+        inputs,
+        lambda others: navigate(others, settings, metres),
+        progress,
+        lambda *o: _outage(study, inputs.reference, *o),
+    )
     notes = [*inputs.notes, *notes, *navigation.notes, *more]
     told = _judged(study, navigation, inputs, tables, each, notes)
     told["distrusted"] = distrusted(navigation.innovations)
@@ -273,24 +279,4 @@ def _outage(
         delay=study.input.gnss_delay_s,
         gnss_m=study.noise.gnss_m,
         antenna_frd=study.mounting.antenna_frd_m,
-    )
-
-
-def _swept(
-    study: Study, inputs: Inputs, settings: PlanarSettings, metres: Metres | None, progress: Progress
-) -> tuple[list[dict[str, Any]], list[str]]:
-    """ "sweep" of summary.json."""
-    if study.sweep is None:
-        return [], []
-    sensor = study.sweep.sensor
-    if sensor not in inputs.tables:
-        return [], [f"[sweep] sensor: there is no {sensor} table to withhold rows from; left out"]
-    return sweep(
-        inputs.tables,
-        sensor,
-        study.sweep.length_s,
-        study.sweep.settle_s,
-        lambda tables: navigate(tables, settings, metres),
-        lambda navigation, rows, a, b: _outage(study, inputs.reference, navigation, sensor, rows, a, b),
-        progress,
     )

@@ -6,6 +6,7 @@ another's numbers. A table's first row comes one of its intervals after time 0.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from math import exp, pi, sqrt
 
@@ -65,7 +66,7 @@ SUITES = {
 }
 
 
-class Sensor:
+class Sensor(ABC):
     """One instrument at work: `feed` turns the next stretch of truth into the rows of its table."""
 
     kind = ""
@@ -89,8 +90,9 @@ class Sensor:
             )
         return round(step)
 
+    @abstractmethod
     def feed(self, s: Stretch) -> Columns:
-        raise NotImplementedError
+        """The rows of this stretch."""
 
     def states(self, s: Stretch, time: Array) -> dict[str, tuple[Array, Array]]:
         """True values of what a filter may estimate."""
